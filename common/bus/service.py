@@ -164,7 +164,9 @@ def main(owner: str, description: str, start: Callable[[Bus, Path, list[str], Vi
     """
     parser = argparse.ArgumentParser(prog=f"python -m services.{owner}", description=description)
     parser.add_argument("--config", type=Path, default=None, metavar="FILE", help="cell config (TOML); default: the UR3 cell")
-    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="override one config value, for example planner.rules=paper")
+    parser.add_argument(
+        "--set", action="append", default=[], metavar="KEY=VALUE", help="override one config value, for example planner.rules=paper"
+    )
     parser.add_argument("--log-level", default="INFO", choices=["DEBUG", "INFO", "WARNING", "ERROR"])
     add_bus_arguments(parser)
     args = parser.parse_args()

@@ -35,6 +35,7 @@ __all__ = [
     "Command",
     "Commands",
     "Latest",
+    "Queue",
     "Received",
     "RemoteError",
     "Router",
@@ -51,10 +52,12 @@ QUEUE_LENGTH = 256
 COMMAND_QUEUE_LENGTH = 64
 log = logging.getLogger("bus")
 
+
 class RemoteError(TolmanError):
     """A command was answered with an error reply, or by nobody."""
 
     code = "remote"
+
 
 @dataclass(frozen=True)
 class BusAddress:
@@ -62,6 +65,7 @@ class BusAddress:
 
     endpoint: str = DEFAULT_ENDPOINT
     namespace: str = DEFAULT_NAMESPACE
+
 
 def _config(mode: str, address: BusAddress) -> zenoh.Config:
     config = zenoh.Config()
@@ -75,6 +79,7 @@ def _config(mode: str, address: BusAddress) -> zenoh.Config:
     if mode != "router":
         config.insert_json5("namespace", json.dumps(address.namespace))
     return config
+
 
 class Router:
     """A Zenoh router in this process (locally instead of a ``zenohd``)."""
@@ -97,6 +102,7 @@ class Router:
     def __exit__(self, *_: object) -> None:
         self.close()
 
+
 @dataclass(frozen=True)
 class Received(Generic[M]):
     """A decoded message with the moment of its arrival on this machine's monotonic clock."""
@@ -104,6 +110,7 @@ class Received(Generic[M]):
     message: M
     arrival_ns: int
     key: str
+
 
 class _Decoding(Generic[M]):
     """Shared by inboxes: decode in the owner's thread, count and log what cannot be decoded."""
@@ -119,6 +126,7 @@ class _Decoding(Generic[M]):
         except WireError as error:
             self._bus.complain(f"{key}: {error.message}", subject=key)
             return None
+
 
 class Latest(_Decoding[M]):
     """Newest-only inbox of one state key (or of each key that matches a wildcard)."""
@@ -148,6 +156,7 @@ class Latest(_Decoding[M]):
         raws.sort(key=lambda raw: raw[1])
         return [r for r in map(self._decode, raws) if r is not None]
 
+
 class Queue(_Decoding[M]):
     """Inbox that keeps every sample in order (for lossless channels), bounded; overflow is counted."""
 
@@ -170,6 +179,7 @@ class Queue(_Decoding[M]):
             if received is not None:
                 out.append(received)
         return out
+
 
 class StatePublisher(Generic[M]):
     """Publishes a state and answers ``get`` on its key with the last payloads (late joiners, one-shot clients)."""
@@ -205,6 +215,14 @@ class StatePublisher(Generic[M]):
         self._bus.replies.append((query, self._key, list(self._last), self._encoding))
         self._bus.wake.set()
 
+
+def _fail(query: zenoh.Query, error: TolmanError) -> None:
+    body = ErrorReply(code=error.code, message=error.message, facts=error.facts)
+    with suppress(zenoh.ZError):  # the asker may be gone; that is its affair
+        query.reply_err(encode(body), encoding=zenoh.Encoding(encoding_of(ErrorReply)))
+        query.drop()
+
+
 class Command(Generic[M]):
     """One received command; answer it exactly once with :meth:`reply` or :meth:`fail`."""
 
@@ -221,10 +239,8 @@ class Command(Generic[M]):
 
     def fail(self, error: TolmanError) -> None:
         """Answer with an error reply."""
-        body = ErrorReply(code=error.code, message=error.message, facts=error.facts)
-        with suppress(zenoh.ZError):
-            self._query.reply_err(encode(body), encoding=zenoh.Encoding(encoding_of(ErrorReply)))
-            self._query.drop()
+        _fail(self._query, error)
+
 
 class Commands(Generic[M]):
     """Bounded queue of commands on one key. Undecodable ones are answered with an error by the loop; overflow likewise."""
@@ -246,14 +262,15 @@ class Commands(Generic[M]):
         while self._raw:
             query, payload, arrival_ns = self._raw.popleft()
             if len(out) >= COMMAND_QUEUE_LENGTH:
-                Command(query, None, arrival_ns).fail(RequestError("too many commands are waiting", code="busy"))
+                _fail(query, RequestError("too many commands are waiting", code="busy"))
                 continue
             try:
                 out.append(Command(query, decode(payload, self._kind), arrival_ns))
             except WireError as error:
                 self._bus.complain(f"{query.key_expr}: {error.message}", subject=str(query.key_expr))
-                Command(query, None, arrival_ns).fail(error)
+                _fail(query, error)
         return out
+
 
 class Bus:
     """One Zenoh session of one process, typed. Use it in ``with``: everything is undeclared and closed in order."""
@@ -339,6 +356,8 @@ class Bus:
             if answer.ok is not None:
                 answers.append(bytes(answer.ok.payload))
                 continue
+            if answer.err is None:
+                continue
             try:
                 error = decode(bytes(answer.err.payload), ErrorReply)
             except WireError:
@@ -390,4 +409,3 @@ class Bus:
         times = self._limit.allow(subject, monotonic_ns())
         if times:
             log.warning("bad payload (%d since last report): %s", times, text)
-

@@ -1,0 +1,43 @@
+# The only door. `make` prints the commands; each of them installs what it lacks and skips what is up to date.
+.DEFAULT_GOAL := help
+SHELL := /bin/bash
+VENV := .venv
+BIN := $(VENV)/bin
+STAMP := $(VENV)/.up-to-date
+# CI runs Python 3.11; another interpreter may have to compile pybullet.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+SECONDS ?= 0
+
+.PHONY: help setup demo test lint integration bench clean
+
+help: ## print this list
+	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 20
+
+setup: $(STAMP) ## install system packages (apt) and Python packages (.venv); nothing to do when up to date
+
+$(STAMP): pyproject.toml constraints.txt deploy/system-packages.txt deploy/system-packages.sh
+	@deploy/system-packages.sh
+	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
+	@touch $@
+
+demo: $(STAMP) ## the whole loop in simulation: a UR3 at work while a hand and boxes come in its way (Ctrl-C leaves)
+	$(BIN)/tolman demo --seconds $(SECONDS)
+
+test: $(STAMP) ## every test: unit, property, golden, architecture, integration
+	$(BIN)/python -m pytest
+
+integration: $(STAMP) ## only the tests that start real processes
+	$(BIN)/python -m pytest -m integration
+
+lint: $(STAMP) ## ruff, mypy --strict, import law
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+
+bench: $(STAMP) ## the figures of README, one JSON each, into report/
+	$(BIN)/tolman bench all --out report
+
+clean: ## remove what setup made
+	rm -rf $(VENV) report
