@@ -14,7 +14,8 @@ __all__ = ["CellConfig", "GridConfig", "RobotConfig", "SolidConfig", "ToolConfig
 
 T = TypeVar("T")
 Positive = Annotated[float, Meta(gt=0)]
-Vector3 = Annotated[list[float], Meta(min_length=3, max_length=3)]
+Cells = Annotated[int, Meta(gt=0, le=1024)]
+Vector3 = tuple[float, float, float]
 
 
 class SolidConfig(Strict, frozen=True):
@@ -24,7 +25,7 @@ class SolidConfig(Strict, frozen=True):
     shape: Literal["box", "sphere", "cylinder"]
     size_m: list[Positive]
     position_m: Vector3
-    rpy_rad: Vector3 = [0.0, 0.0, 0.0]
+    rpy_rad: Vector3 = (0.0, 0.0, 0.0)
 
     def __post_init__(self) -> None:
         expected = {"box": 3, "sphere": 1, "cylinder": 2}[self.shape]
@@ -36,12 +37,16 @@ class ToolConfig(Strict, frozen=True):
     """What is bolted to the flange: its solids, in the flange frame, and the tool centre point that pose goals mean."""
 
     solids: list[SolidConfig] = []
-    tcp_position_m: Vector3 = [0.0, 0.0, 0.0]
-    tcp_rpy_rad: Vector3 = [0.0, 0.0, 0.0]
+    tcp_position_m: Vector3 = (0.0, 0.0, 0.0)
+    tcp_rpy_rad: Vector3 = (0.0, 0.0, 0.0)
 
 
 class RobotConfig(Strict, frozen=True):
-    """The arm. ``urdf``: a path, or ``example-robot-data:<path below robots/>``. Limits given here narrow the URDF's."""
+    """The arm. ``urdf``: a path, or ``example-robot-data:<path below robots/>``. Limits given here narrow the URDF's.
+
+    ``locked_joints``: side joints (fingers) frozen at a value, so that a serial arm remains. ``immobile_links``: stand in the static
+    layer and are not checked against it.
+    """
 
     name: str
     urdf: str
@@ -51,9 +56,10 @@ class RobotConfig(Strict, frozen=True):
     position_min_rad: list[float] | None = None
     position_max_rad: list[float] | None = None
     max_velocity_rad_s: list[Positive] | None = None
-    base_position_m: Vector3 = [0.0, 0.0, 0.0]
-    base_rpy_rad: Vector3 = [0.0, 0.0, 0.0]
+    base_position_m: Vector3 = (0.0, 0.0, 0.0)
+    base_rpy_rad: Vector3 = (0.0, 0.0, 0.0)
     immobile_links: list[str] = []
+    locked_joints: dict[str, float] = {}
     tool: ToolConfig = ToolConfig()
 
 
@@ -61,7 +67,7 @@ class GridConfig(Strict, frozen=True):
     """The watched part of space, in cubic cells; world frame."""
 
     origin_m: Vector3
-    shape: Annotated[list[Annotated[int, Meta(gt=0, le=1024)]], Meta(min_length=3, max_length=3)]
+    shape: tuple[Cells, Cells, Cells]
     resolution_m: Annotated[float, Meta(gt=0, le=0.2)]
 
 

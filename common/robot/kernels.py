@@ -1,0 +1,122 @@
+"""Numba kernels of the arm: forward kinematics of a serial chain, and distance to its bodies by table.
+
+Everything is flat arrays in NamedTuples so that other kernels (planner, self-filter) can call these without Python in between.
+Oracle of the kinematics: pinocchio (``tests/unit/robot``); twins of the rest: ``tests/support/slow_bodies.py``.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+__all__ = ["FAR", "BodyGrids", "Chain", "body_distance", "forward_kinematics", "forward_kinematics_batch", "to_joint_frame"]
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+I16 = NDArray[np.int16]
+
+# Metres; the (true) lower bound answered for any point beyond a body's distance grid. Our choice: more than a safety distance of 2 cm plus
+# half the diagonal of a 4 cm cell, and than the largest cover sphere plus 1.5 cm.
+FAR = 0.06
+TENTH_MM = 1e-4  # unit of the stored distances
+
+
+class Chain(NamedTuple):
+    """A serial arm of J joints. Frame 0 is the base, frame j moves with joint j (1..J)."""
+
+    base_rotation: F64  # (3, 3) world <- base
+    base_translation: F64  # (3,)
+    rotation: F64  # (J, 3, 3) fixed placement of joint j+1 in frame j
+    translation: F64  # (J, 3)
+    axis: F64  # (J, 3) unit axis in the joint's own frame
+    prismatic: NDArray[np.uint8]  # (J,) 1 where the joint slides
+
+
+class BodyGrids(NamedTuple):
+    """Distance tables and sphere covers of B rigid bodies, each in the frame of the joint that carries it.
+
+    A voxel stores a lower bound of the signed distance (negative inside) of all its points, in tenths of a millimetre.
+    """
+
+    body_joint: I64  # (B,) frame index, 0 = base
+    spacing_m: float
+    origin_m: F64  # (B, 3) lowest corner of the grid
+    shape: I64  # (B, 3)
+    offset: I64  # (B + 1,) into distance
+    distance: I16  # flat, x slowest
+    box_min_m: F64  # (B, 3) bounding box of the bare body
+    box_max_m: F64  # (B, 3)
+    bound_centre_m: F64  # (B, 3) bounding sphere of the bare body
+    bound_radius_m: F64  # (B,)
+    spheres_m: F64  # (S, 4) x, y, z, radius: together they cover the body's outer surface
+    group_m: F64  # (G, 4) bounding spheres of groups of neighbouring spheres
+    group_sphere_offset: I64  # (G + 1,) into spheres_m
+    group_offset: I64  # (B + 1,) into group_m
+
+
+@njit(cache=True, nogil=True)
+def forward_kinematics(chain, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
+    """World poses of all frames: fills ``rotation`` (J + 1, 3, 3) and ``translation`` (J + 1, 3) for ``q_rad`` (J,).
+
+    Source: product of fixed placement and joint motion (Rodrigues' formula about the joint's axis), as in any robotics text.
+    """
+    rotation[0] = chain.base_rotation
+    translation[0] = chain.base_translation
+    for j in range(len(q_rad)):
+        parent, placed = rotation[j], np.empty((3, 3))
+        for r in range(3):
+            translation[j + 1, r] = translation[j, r]
+            for c in range(3):
+                translation[j + 1, r] += parent[r, c] * chain.translation[j, c]
+                placed[r, c] = (
+                    parent[r, 0] * chain.rotation[j, 0, c] + parent[r, 1] * chain.rotation[j, 1, c] + parent[r, 2] * chain.rotation[j, 2, c]
+                )
+        x, y, z = chain.axis[j]
+        if chain.prismatic[j]:
+            rotation[j + 1] = placed
+            for r in range(3):
+                translation[j + 1, r] += q_rad[j] * (placed[r, 0] * x + placed[r, 1] * y + placed[r, 2] * z)
+            continue
+        s, c = math.sin(q_rad[j]), math.cos(q_rad[j])
+        k = 1.0 - c
+        m00, m01, m02 = c + x * x * k, x * y * k - z * s, x * z * k + y * s
+        m10, m11, m12 = y * x * k + z * s, c + y * y * k, y * z * k - x * s
+        m20, m21, m22 = z * x * k - y * s, z * y * k + x * s, c + z * z * k
+        for r in range(3):
+            a, b, d = placed[r, 0], placed[r, 1], placed[r, 2]
+            rotation[j + 1, r, 0] = a * m00 + b * m10 + d * m20
+            rotation[j + 1, r, 1] = a * m01 + b * m11 + d * m21
+            rotation[j + 1, r, 2] = a * m02 + b * m12 + d * m22
+
+
+@njit(cache=True, nogil=True)
+def forward_kinematics_batch(chain, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
+    """:func:`forward_kinematics` for ``q_rad`` (K, J) into (K, J + 1, 3, 3) and (K, J + 1, 3)."""
+    for k in range(len(q_rad)):
+        forward_kinematics(chain, q_rad[k], rotation[k], translation[k])
+
+
+@njit(cache=True, nogil=True, inline="always")
+def to_joint_frame(rotation, translation, x, y, z):  # type: ignore[no-untyped-def]
+    """World point into the frame with pose ``rotation`` (3, 3), ``translation`` (3,)."""
+    x, y, z = x - translation[0], y - translation[1], z - translation[2]
+    return (
+        rotation[0, 0] * x + rotation[1, 0] * y + rotation[2, 0] * z,
+        rotation[0, 1] * x + rotation[1, 1] * y + rotation[2, 1] * z,
+        rotation[0, 2] * x + rotation[1, 2] * y + rotation[2, 2] * z,
+    )
+
+
+@njit(cache=True, nogil=True, inline="always")
+def body_distance(grids, b, x, y, z):  # type: ignore[no-untyped-def]
+    """Lower bound in metres of the signed distance from a point, in the body's joint frame, to body ``b``; ``FAR`` beyond its grid."""
+    inverse = 1.0 / grids.spacing_m
+    fx, fy, fz = (x - grids.origin_m[b, 0]) * inverse, (y - grids.origin_m[b, 1]) * inverse, (z - grids.origin_m[b, 2]) * inverse
+    nx, ny, nz = grids.shape[b, 0], grids.shape[b, 1], grids.shape[b, 2]
+    if not (0.0 <= fx < nx and 0.0 <= fy < ny and 0.0 <= fz < nz):
+        return FAR
+    return grids.distance[grids.offset[b] + (int(fx) * ny + int(fy)) * nz + int(fz)] * TENTH_MM

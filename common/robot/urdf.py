@@ -1,0 +1,116 @@
+"""A URDF file into kinematics and meshes, through pinocchio and coal (its collision geometry)."""
+
+from __future__ import annotations
+
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+
+import coal
+import numpy as np
+import pinocchio as pin
+from numpy.typing import NDArray
+
+from common.errors import RobotError
+from common.robot.solids import Body, box_mesh, cylinder_mesh, sphere_mesh
+
+__all__ = ["load_bodies", "load_kinematics", "resolve"]
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+BUNDLED = "example-robot-data:"
+BUNDLED_ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
+
+
+def resolve(urdf: str) -> tuple[Path, list[Path]]:
+    """The file of a configured URDF and the folders in which ``package://`` names are looked up.
+
+    ``example-robot-data:<path>`` names a file below that package's ``robots`` folder; its ``package://example-robot-data`` resolves
+    against the parent of the package's share folder. For any other path the folders are the file's ancestors.
+
+    Raises:
+        RobotError: package or file not found.
+    """
+    if urdf.startswith(BUNDLED):
+        try:
+            robots = Path(str(distribution("example-robot-data").locate_file(BUNDLED_ROBOTS)))
+        except PackageNotFoundError:
+            raise RobotError(f"robot.urdf {urdf!r} needs the package example-robot-data==5.0.0") from None
+        path, folders = robots / urdf.removeprefix(BUNDLED), [robots.parent.parent]
+    else:
+        path = Path(urdf).expanduser()
+        folders = list(path.resolve().parents)
+    if not path.is_file():
+        raise RobotError(f"robot.urdf: no such file: {path}", facts={"path": str(path)})
+    return path, folders
+
+
+def load_kinematics(path: Path, package_dirs: list[Path], locked: dict[str, float]) -> tuple[pin.Model, pin.GeometryModel]:
+    """Pinocchio's model and collision geometry with the ``locked`` joints frozen at their values.
+
+    Raises:
+        RobotError: not a URDF, a mesh missing, an unknown joint to lock, or not a serial arm of one-axis joints.
+    """
+    try:
+        model = pin.buildModelFromUrdf(str(path))
+        geometry = pin.buildGeomFromUrdf(model, str(path), pin.GeometryType.COLLISION, package_dirs=[str(f) for f in package_dirs])
+    except (ValueError, RuntimeError) as error:
+        raise RobotError(f"{path}: {error}", facts={"path": str(path)}) from None
+    if locked:
+        unknown = sorted(set(locked) - set(model.names))
+        if unknown:
+            raise RobotError(f"{path}: cannot lock unknown joints {unknown}; it has {list(model.names)[1:]}")
+        reference = pin.neutral(model)
+        for name, value in locked.items():
+            reference[model.joints[model.getJointId(name)].idx_q] = value
+        ids = [model.getJointId(name) for name in locked]
+        model, geometries = pin.buildReducedModel(model, [geometry], ids, reference)
+        geometry = geometries[0]
+    for j in range(1, model.njoints):
+        if model.parents[j] != j - 1 or model.joints[j].nq != 1:
+            raise RobotError(
+                f"{path}: joint {model.names[j]} is not part of one serial chain of one-axis joints; lock side joints in robot.locked_joints"
+            )
+    return model, geometry
+
+
+def load_bodies(model: pin.Model, geometry: pin.GeometryModel, immobile_links: list[str]) -> list[Body]:
+    """One body for each joint frame that carries geometry: the union of its links' collision meshes.
+
+    Raises:
+        RobotError: a geometry without triangles, or ``immobile_links`` names no link of this arm.
+    """
+    links = {model.frames[g.parentFrame].name for g in geometry.geometryObjects}
+    unknown = sorted(set(immobile_links) - links)
+    if unknown:
+        raise RobotError(f"robot.immobile_links: {unknown} carry no geometry; links that do: {sorted(links)}")
+    bodies = []
+    for joint in range(model.njoints):
+        parts = [g for g in geometry.geometryObjects if g.parentJoint == joint]
+        if not parts:
+            continue
+        names = [model.frames[g.parentFrame].name for g in parts]
+        vertices, triangles, count = [], [], 0
+        for part in parts:
+            v, t = _mesh(part)
+            placement = part.placement
+            vertices.append(v @ placement.rotation.T + placement.translation)
+            triangles.append(t + count)
+            count += len(v)
+        immobile = joint == 0 or all(name in immobile_links for name in names)
+        bodies.append(Body(names[0], joint, np.vstack(vertices), np.vstack(triangles).astype(np.int32), immobile))
+    return bodies
+
+
+def _mesh(part: pin.GeometryObject) -> tuple[F64, I32]:
+    shape = part.geometry
+    if isinstance(shape, coal.Box):
+        return box_mesh(2.0 * np.asarray(shape.halfSide))
+    if isinstance(shape, coal.Cylinder):
+        return cylinder_mesh(shape.radius, 2.0 * shape.halfLength)
+    if isinstance(shape, coal.Sphere):
+        return sphere_mesh(shape.radius)
+    if not hasattr(shape, "num_tris") or shape.num_tris == 0:
+        raise RobotError(f"link geometry {part.name}: {type(shape).__name__} has no triangles")
+    vertices = np.array(shape.vertices(), dtype=np.float64)
+    triangles = np.array([[t[0], t[1], t[2]] for t in (shape.tri_indices(i) for i in range(shape.num_tris))], dtype=np.int32)
+    return vertices, triangles
