@@ -1,0 +1,169 @@
+"""Growing neural gas (Fritzke 1995) as an estimator: ``fit``, ``partial_fit``, ``best_match``, ``to_map``.
+
+The other models of the map keep the same shape. ``trajectory_starts`` matters to models with a memory only; the gas ignores it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.kernels import gng as kernel
+
+__all__ = ["GasParameters", "GrowingNeuralGas", "Progress"]
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+Progress = Callable[[float], None]  # share done, 0..1
+
+CHUNK = 20_000  # signals between two reports of progress; does not change the result
+BUCKETS_PER_AXIS = 12  # measured: 12 a little better than 24 and 36 for 10 000 units
+
+
+@dataclass(frozen=True)
+class GasParameters:
+    """Fritzke's names: lambda ``insert_every``, e_b, e_n, alpha, decay of all errors a signal, a_max ``max_age``."""
+
+    insert_every: int = 100
+    e_best: float = 0.1
+    e_neighbour: float = 0.006
+    alpha: float = 0.5
+    decay: float = 0.9995
+    max_age: int = 50
+
+
+class GrowingNeuralGas:
+    """A gas that grows to ``n_neurons`` units on joint configurations.
+
+    Same samples, parameters and seed give the same units and edges byte for byte.
+    """
+
+    def __init__(self, parameters: GasParameters, n_neurons: int) -> None:
+        self.parameters = parameters
+        self.n_neurons = n_neurons
+        self._gas: kernel.Gas | None = None
+
+    def fit(self, samples_rad: F64, trajectory_starts: I64, seed: int, progress: Progress | None = None) -> GrowingNeuralGas:
+        """Grow from two units to ``n_neurons`` on signals drawn from ``samples_rad`` (S, J), then :meth:`refresh`.
+
+        Raises:
+            ValueError: samples not (S >= 2, J) or not finite, or all the same.
+        """
+        del trajectory_starts
+        samples = _checked(samples_rad)
+        rng = np.random.default_rng(seed)
+        self._gas = _empty_gas(samples, self.n_neurons)
+        first = rng.integers(len(samples))
+        others = np.flatnonzero(np.any(samples != samples[first], axis=1))
+        if len(others) == 0:
+            raise ValueError("all samples are the same: nothing to learn")
+        for index in (first, others[rng.integers(len(others))]):
+            kernel.add_unit(self._gas, samples[index], 0.0)
+        kernel.connect(self._gas, 0, 1, 0)  # Fritzke starts without an edge; the first signal would make it
+        self._grow(samples, rng, progress)
+        kernel.refresh(self._gas, samples)
+        return self
+
+    def partial_fit(self, samples_rad: F64, seed: int, n_signals: int | None = None) -> GrowingNeuralGas:
+        """Show further signals (default: as many as samples) to a fitted gas; it may grow up to ``n_neurons`` meanwhile.
+
+        No refresh: what is not in these samples is not forgotten, edges only age where the signals fall.
+
+        Raises:
+            ValueError: not fitted yet, or samples of another width.
+        """
+        gas = self._fitted()
+        samples = _checked(samples_rad)
+        if samples.shape[1] != gas.weight.shape[1]:
+            raise ValueError(f"samples have {samples.shape[1]} joints, the gas has {gas.weight.shape[1]}")
+        rng = np.random.default_rng(seed)
+        n_left = len(samples) if n_signals is None else n_signals
+        while n_left > 0:
+            order = rng.integers(len(samples), size=min(n_left, CHUNK))
+            n_shown = self._present(samples, order, self.n_neurons)
+            if n_shown < len(order):  # full: adapt without growing
+                self._present(samples, order[n_shown:], self.n_neurons + 1, grow=False)
+            n_left -= len(order)
+        return self
+
+    def to_map(self) -> CognitiveMap:
+        """Units and edges, in the order of their slots.
+
+        Raises:
+            ValueError: not fitted yet.
+        """
+        gas = self._fitted()
+        slots = np.flatnonzero(gas.degree[: gas.count[kernel.N_SLOTS]] >= 0)
+        number = np.full(len(gas.degree), -1, dtype=np.int64)
+        number[slots] = np.arange(len(slots))
+        edges = [(number[u], number[v]) for u in slots for v in gas.neighbour[u, : gas.degree[u]] if u < v]
+        return CognitiveMap.of(gas.weight[slots], np.array(edges, dtype=np.int64))
+
+    def best_match(self, q_rad: F64) -> int:
+        """Index (as in :meth:`to_map`) of the unit nearest to ``q_rad`` (J,)."""
+        gas = self._fitted()
+        slot = kernel.nearest_two(gas, np.ascontiguousarray(q_rad, dtype=np.float64))[0]
+        return int(np.count_nonzero(gas.degree[:slot] >= 0))
+
+    def _fitted(self) -> kernel.Gas:
+        if self._gas is None:
+            raise ValueError("the gas is not fitted yet")
+        return self._gas
+
+    def _grow(self, samples: F64, rng: np.random.Generator, progress: Progress | None) -> None:
+        # Units are inserted every lambda signals and removed rarely; four times that many signals means that it cannot grow.
+        gas = self._fitted()
+        limit = 4 * self.parameters.insert_every * self.n_neurons
+        while gas.count[kernel.N_ALIVE] < self.n_neurons and gas.count[kernel.N_SIGNALS] < limit:
+            self._present(samples, rng.integers(len(samples), size=CHUNK), self.n_neurons)
+            if progress is not None:
+                progress(float(gas.count[kernel.N_ALIVE]) / self.n_neurons)
+
+    def _present(self, samples: F64, order: I64, n_target: int, *, grow: bool = True) -> int:
+        p = self.parameters
+        every = p.insert_every if grow else np.iinfo(np.int64).max
+        return int(
+            kernel.present(self._fitted(), samples, order, n_target, every, p.e_best, p.e_neighbour, p.alpha, p.decay, p.max_age)
+        )
+
+
+def _checked(samples_rad: F64) -> F64:
+    samples = np.ascontiguousarray(samples_rad, dtype=np.float64)
+    if samples.ndim != 2 or len(samples) < 2 or not np.all(np.isfinite(samples)):
+        raise ValueError(f"samples must be finite and of shape (S >= 2, J), got shape {samples.shape}")
+    return samples
+
+
+def _empty_gas(samples: F64, n_neurons: int) -> kernel.Gas:
+    """Room for ``n_neurons`` units; buckets along the three joints that vary most."""
+    n_joints = samples.shape[1]
+    low, high = samples.min(axis=0), samples.max(axis=0)
+    widest = np.argsort(-samples.std(axis=0), kind="stable")[:3]
+    axis = np.zeros(3, dtype=np.int64)
+    axis[: len(widest)] = widest
+    shape = np.ones(3, dtype=np.int64)
+    shape[: len(widest)] = BUCKETS_PER_AXIS
+    capacity = n_neurons + 1
+    return kernel.Gas(
+        weight=np.zeros((capacity, n_joints)),
+        error=np.zeros(capacity),
+        error_scale=np.ones(1),
+        degree=np.full(capacity, -1, dtype=np.int32),
+        neighbour=np.zeros((capacity, kernel.MAX_DEGREE), dtype=np.int32),
+        age=np.zeros((capacity, kernel.MAX_DEGREE), dtype=np.int32),
+        wins=np.zeros(capacity, dtype=np.int32),
+        free=np.zeros(capacity, dtype=np.int32),
+        count=np.zeros(4, dtype=np.int64),
+        bucket_axis=axis,
+        bucket_low=low[axis],
+        bucket_width=np.maximum(high[axis] - low[axis], 1e-6) / shape,
+        bucket_shape=shape,
+        bucket_head=np.full(int(np.prod(shape)), -1, dtype=np.int32),
+        bucket_next=np.full(capacity, -1, dtype=np.int32),
+        bucket_previous=np.full(capacity, -1, dtype=np.int32),
+        bucket_of=np.full(capacity, -1, dtype=np.int32),
+    )

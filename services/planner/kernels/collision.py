@@ -1,0 +1,255 @@
+"""The one collision check: a pose of the arm against cells, exact static shapes, and itself.
+
+Table, edges, connections, curves, repairs, stops and training motions all end here. Each test errs to the safe side only:
+
+* **cells**: a cell blocks a pose if any of its points may be nearer to a moving body than the safety distance. The cell is a cube; where
+  its ball decides, no more is looked at, else its eight octants are.
+* **static layer**: boxes, spheres and cylinders by their exact distance to the spheres that cover a body.
+* **self**: spheres of one body in the distance grid of the other.
+
+Twin: ``tests/support/slow_collision.py``; referee: coal on the bare meshes.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from common.robot.body_distance import pair_distance, to_world
+from common.robot.kernels import BodyGrids, Chain, body_distance, forward_kinematics, to_joint_frame
+
+__all__ = [
+    "BLOCK",
+    "BOX",
+    "CYLINDER",
+    "FREE",
+    "HIT_CELL",
+    "HIT_SELF",
+    "HIT_STATIC",
+    "SPHERE",
+    "Arm",
+    "Cells",
+    "Solids",
+    "arm_step_m",
+    "block_bounds",
+    "cell_touches_body",
+    "pose_hits_cell",
+    "pose_hits_self",
+    "pose_hits_static",
+    "pose_is_free",
+    "pose_verdict",
+]
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
+
+FREE, HIT_CELL, HIT_STATIC, HIT_SELF = 0, 1, 2, 3
+BOX, SPHERE, CYLINDER = 0, 1, 2
+BLOCK = 16  # cells that share a bounding sphere; our choice
+ROOT3 = math.sqrt(3.0)
+
+
+class Arm(NamedTuple):
+    """The arm as the checks see it."""
+
+    chain: Chain
+    grids: BodyGrids
+    moving: U8  # (B,) 0 for bodies that stand in the world and are not checked against it
+    pairs: I64  # (P, 2) bodies that can touch one another
+    static_margin_m: float  # kept from exact static shapes
+    self_margin_m: float  # kept between bodies of the arm
+
+
+class Solids(NamedTuple):
+    """S exact static shapes: ``size_m`` box half extents; sphere [radius]; cylinder [radius, half length along z]."""
+
+    kind: I64  # (S,) BOX, SPHERE, CYLINDER
+    size_m: F64  # (S, 3)
+    rotation: F64  # (S, 3, 3) world <- solid
+    translation: F64  # (S, 3)
+
+
+class Cells(NamedTuple):
+    """Occupied cells in space order, with a bounding sphere for every ``BLOCK`` of them."""
+
+    centre_m: F64  # (C, 3)
+    block_m: F64  # (ceil(C / BLOCK), 4) centre and radius that contain the blocks' centres
+    half_m: float  # half the edge of a cell
+
+
+@njit(cache=True, nogil=True)
+def block_bounds(centre_m, block_m):  # type: ignore[no-untyped-def]
+    """Fill ``block_m`` (n, 4) with bounding spheres of each ``BLOCK`` rows of ``centre_m`` (C, 3)."""
+    for k in range(len(block_m)):
+        first, last = k * BLOCK, min((k + 1) * BLOCK, len(centre_m))
+        for axis in range(3):
+            low, high = centre_m[first, axis], centre_m[first, axis]
+            for i in range(first + 1, last):
+                low, high = min(low, centre_m[i, axis]), max(high, centre_m[i, axis])
+            block_m[k, axis] = (low + high) / 2.0
+        radius2 = 0.0
+        for i in range(first, last):
+            d2 = 0.0
+            for axis in range(3):
+                d2 += (centre_m[i, axis] - block_m[k, axis]) ** 2
+            radius2 = max(radius2, d2)
+        block_m[k, 3] = math.sqrt(radius2)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def cell_touches_body(grids, b, rotation, x, y, z, half_m, safety_m):  # type: ignore[no-untyped-def]
+    """Whether the cube around (x, y, z), given in the body's frame, may come within ``safety_m`` of body ``b``.
+
+    ``rotation`` (3, 3) is the frame's; its rows are the world axes, along which the cube lies. Never false when it truly does; when true,
+    the cube is within ``safety_m`` + a quarter of its diagonal + rounding of the distance grid.
+    """
+    distance = body_distance(grids, b, x, y, z)
+    if distance > safety_m + half_m * ROOT3:
+        return False
+    if distance <= safety_m + half_m:
+        return True
+    quarter = 0.5 * half_m
+    limit = safety_m + quarter * ROOT3
+    for octant in range(8):
+        sx = quarter if octant & 1 else -quarter
+        sy = quarter if octant & 2 else -quarter
+        sz = quarter if octant & 4 else -quarter
+        ox = x + sx * rotation[0, 0] + sy * rotation[1, 0] + sz * rotation[2, 0]
+        oy = y + sx * rotation[0, 1] + sy * rotation[1, 1] + sz * rotation[2, 1]
+        oz = z + sx * rotation[0, 2] + sy * rotation[1, 2] + sz * rotation[2, 2]
+        if body_distance(grids, b, ox, oy, oz) <= limit:
+            return True
+    return False
+
+
+@njit(cache=True, nogil=True)
+def pose_hits_cell(arm, cells, safety_m, rotation, translation):  # type: ignore[no-untyped-def]
+    """Index of a cell that blocks the pose with frames ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3), or -1."""
+    grids = arm.grids
+    reach = safety_m + cells.half_m * ROOT3
+    for b in range(len(arm.moving)):
+        if not arm.moving[b]:
+            continue
+        j = grids.body_joint[b]
+        cx, cy, cz = to_world(rotation[j], translation[j], grids.bound_centre_m[b])
+        near = grids.bound_radius_m[b] + reach
+        near2 = near * near
+        for k in range(len(cells.block_m)):
+            dx, dy, dz = cells.block_m[k, 0] - cx, cells.block_m[k, 1] - cy, cells.block_m[k, 2] - cz
+            if dx * dx + dy * dy + dz * dz > (near + cells.block_m[k, 3]) ** 2:
+                continue
+            for i in range(k * BLOCK, min((k + 1) * BLOCK, len(cells.centre_m))):
+                x, y, z = cells.centre_m[i, 0], cells.centre_m[i, 1], cells.centre_m[i, 2]
+                dx, dy, dz = x - cx, y - cy, z - cz
+                if dx * dx + dy * dy + dz * dz > near2:
+                    continue
+                x, y, z = to_joint_frame(rotation[j], translation[j], x, y, z)
+                if cell_touches_body(grids, b, rotation[j], x, y, z, cells.half_m, safety_m):
+                    return i
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _solid_distance(solids, s, x, y, z):  # type: ignore[no-untyped-def]
+    """Signed distance in metres (negative inside) of a world point to solid ``s``; exact."""
+    x, y, z = to_joint_frame(solids.rotation[s], solids.translation[s], x, y, z)
+    if solids.kind[s] == SPHERE:
+        return math.sqrt(x * x + y * y + z * z) - solids.size_m[s, 0]
+    if solids.kind[s] == BOX:
+        u, v, w = abs(x) - solids.size_m[s, 0], abs(y) - solids.size_m[s, 1], abs(z) - solids.size_m[s, 2]
+        outside = math.sqrt(max(u, 0.0) ** 2 + max(v, 0.0) ** 2 + max(w, 0.0) ** 2)
+        return outside + min(max(u, v, w), 0.0)
+    u, w = math.sqrt(x * x + y * y) - solids.size_m[s, 0], abs(z) - solids.size_m[s, 1]
+    return math.sqrt(max(u, 0.0) ** 2 + max(w, 0.0) ** 2) + min(max(u, w), 0.0)
+
+
+@njit(cache=True, nogil=True)
+def pose_hits_static(arm, solids, rotation, translation):  # type: ignore[no-untyped-def]
+    """Index of a static solid nearer than the margin to a moving body, or -1."""
+    grids, margin = arm.grids, arm.static_margin_m
+    for b in range(len(arm.moving)):
+        if not arm.moving[b]:
+            continue
+        j = grids.body_joint[b]
+        cx, cy, cz = to_world(rotation[j], translation[j], grids.bound_centre_m[b])
+        for s in range(len(solids.kind)):
+            if _solid_distance(solids, s, cx, cy, cz) - grids.bound_radius_m[b] > margin:
+                continue
+            for g in range(grids.group_offset[b], grids.group_offset[b + 1]):
+                x, y, z = to_world(rotation[j], translation[j], grids.group_m[g])
+                if _solid_distance(solids, s, x, y, z) - grids.group_m[g, 3] > margin:
+                    continue
+                for p in range(grids.group_sphere_offset[g], grids.group_sphere_offset[g + 1]):
+                    x, y, z = to_world(rotation[j], translation[j], grids.spheres_m[p])
+                    if _solid_distance(solids, s, x, y, z) - grids.spheres_m[p, 3] <= margin:
+                        return s
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def pose_hits_self(arm, rotation, translation):  # type: ignore[no-untyped-def]
+    """Row of the pair of bodies nearer to one another than the margin, or -1."""
+    for p in range(len(arm.pairs)):
+        if pair_distance(arm.grids, arm.pairs[p, 0], arm.pairs[p, 1], rotation, translation) <= arm.self_margin_m:
+            return p
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def pose_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
+    """``(FREE | HIT_CELL | HIT_STATIC | HIT_SELF, index of what is hit)`` of ``q_rad`` (J,). The last two arguments are scratch.
+
+    Scratch: ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3); on return the frames of the pose.
+    """
+    forward_kinematics(arm.chain, q_rad, rotation, translation)
+    i = pose_hits_cell(arm, cells, safety_m, rotation, translation)
+    if i >= 0:
+        return HIT_CELL, i
+    i = pose_hits_static(arm, solids, rotation, translation)
+    if i >= 0:
+        return HIT_STATIC, i
+    i = pose_hits_self(arm, rotation, translation)
+    if i >= 0:
+        return HIT_SELF, i
+    return FREE, -1
+
+
+@njit(cache=True, nogil=True)
+def pose_is_free(arm, solids, cells, safety_m, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
+    """Whether ``q_rad`` (J,) hits nothing; arguments as :func:`pose_verdict`."""
+    return pose_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation)[0] == FREE
+
+
+@njit(cache=True, nogil=True)
+def arm_step_m(arm, dq_rad, rotation, translation):  # type: ignore[no-untyped-def]
+    """Upper bound in metres of how far any point of the arm moves for a small joint step ``dq_rad`` (J,) from the given frames.
+
+    A point moves at most by the sum over joints of |dq_j| times its distance from axis j; distances are bounded by each body's sphere.
+    """
+    grids, chain = arm.grids, arm.chain
+    largest = 0.0
+    for b in range(len(arm.moving)):
+        j_body = grids.body_joint[b]
+        if j_body == 0:
+            continue
+        cx, cy, cz = to_world(rotation[j_body], translation[j_body], grids.bound_centre_m[b])
+        moved = 0.0
+        for j in range(1, j_body + 1):
+            if dq_rad[j - 1] == 0.0:
+                continue
+            if chain.prismatic[j - 1]:
+                moved += abs(dq_rad[j - 1])
+                continue
+            # The joint's axis is the same in its own frame before and after its motion.
+            ax, ay, az = chain.axis[j - 1, 0], chain.axis[j - 1, 1], chain.axis[j - 1, 2]
+            x, y, z = to_joint_frame(rotation[j], translation[j], cx, cy, cz)
+            along = x * ax + y * ay + z * az
+            lever = math.sqrt(max(x * x + y * y + z * z - along * along, 0.0)) + grids.bound_radius_m[b]
+            moved += abs(dq_rad[j - 1]) * lever
+        largest = max(largest, moved)
+    return largest
