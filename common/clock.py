@@ -53,3 +53,11 @@ class ClockOffset:
         if not self._window:
             raise ValueError("no message of this sender was observed yet")
         return utc_stamp_ns + min(self._window)
+
+    def to_sender(self, monotonic_stamp_ns: int) -> int:
+        """An instant of this machine's monotonic clock as the sender's UTC: the way back.
+
+        Raises:
+            ValueError: before the first :meth:`observe`.
+        """
+        return monotonic_stamp_ns - self.to_monotonic(0)
