@@ -97,7 +97,7 @@ class GrowingNeuralGas:
             ValueError: not fitted yet.
         """
         gas = self._fitted()
-        slots = np.flatnonzero(gas.degree[: gas.count[kernel.N_SLOTS]] >= 0)
+        slots = np.flatnonzero(gas.degree[: gas.counts[kernel.N_SLOTS]] >= 0)
         number = np.full(len(gas.degree), -1, dtype=np.int64)
         number[slots] = np.arange(len(slots))
         edges = [(number[u], number[v]) for u in slots for v in gas.neighbour[u, : gas.degree[u]] if u < v]
@@ -118,17 +118,15 @@ class GrowingNeuralGas:
         # Units are inserted every lambda signals and removed rarely; four times that many signals means that it cannot grow.
         gas = self._fitted()
         limit = 4 * self.parameters.insert_every * self.n_neurons
-        while gas.count[kernel.N_ALIVE] < self.n_neurons and gas.count[kernel.N_SIGNALS] < limit:
+        while gas.counts[kernel.N_ALIVE] < self.n_neurons and gas.counts[kernel.N_SIGNALS] < limit:
             self._present(samples, rng.integers(len(samples), size=CHUNK), self.n_neurons)
             if progress is not None:
-                progress(float(gas.count[kernel.N_ALIVE]) / self.n_neurons)
+                progress(float(gas.counts[kernel.N_ALIVE]) / self.n_neurons)
 
     def _present(self, samples: F64, order: I64, n_target: int, *, grow: bool = True) -> int:
         p = self.parameters
         every = p.insert_every if grow else np.iinfo(np.int64).max
-        return int(
-            kernel.present(self._fitted(), samples, order, n_target, every, p.e_best, p.e_neighbour, p.alpha, p.decay, p.max_age)
-        )
+        return int(kernel.present(self._fitted(), samples, order, n_target, every, p.e_best, p.e_neighbour, p.alpha, p.decay, p.max_age))
 
 
 def _checked(samples_rad: F64) -> F64:
@@ -157,7 +155,7 @@ def _empty_gas(samples: F64, n_neurons: int) -> kernel.Gas:
         age=np.zeros((capacity, kernel.MAX_DEGREE), dtype=np.int32),
         wins=np.zeros(capacity, dtype=np.int32),
         free=np.zeros(capacity, dtype=np.int32),
-        count=np.zeros(4, dtype=np.int64),
+        counts=np.zeros(4, dtype=np.int64),
         bucket_axis=axis,
         bucket_low=low[axis],
         bucket_width=np.maximum(high[axis] - low[axis], 1e-6) / shape,

@@ -16,11 +16,12 @@ __all__ = ["MAX_DEGREE", "N_ALIVE", "N_FREE", "N_SIGNALS", "N_SLOTS", "Gas", "ad
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
+Nearest = tuple[int, float, int, float]  # best unit, its squared distance, second best, its squared distance
 
 MAX_DEGREE = 48  # measured: largest degree 20 at 10 000 units in six dimensions; if ever full, the oldest edge makes room
 FEW_UNITS = 200  # our choice: below this a plain scan beats the buckets
 ROUNDING = 1e-9  # rad; a unit on a bucket's border may round into the next one
-# places in Gas.count
+# places in Gas.counts
 N_ALIVE, N_SLOTS, N_FREE, N_SIGNALS = 0, 1, 2, 3
 
 
@@ -39,7 +40,7 @@ class Gas(NamedTuple):
     age: I32  # (C, MAX_DEGREE)
     wins: I32  # (C,) wins in the last refresh
     free: I32  # (C,) stack of slots given back
-    count: I64  # (4,) N_ALIVE N_SLOTS N_FREE N_SIGNALS
+    counts: I64  # (4,) N_ALIVE N_SLOTS N_FREE N_SIGNALS
     bucket_axis: I64  # (3,)
     bucket_low: F64  # (3,)
     bucket_width: F64  # (3,)
@@ -53,7 +54,7 @@ class Gas(NamedTuple):
 @njit(cache=True, nogil=True)
 def _axis_cell(gas: Gas, point: F64, k: int) -> int:
     cell = int(np.floor((point[gas.bucket_axis[k]] - gas.bucket_low[k]) / gas.bucket_width[k]))
-    return min(max(cell, 0), gas.bucket_shape[k] - 1)
+    return int(min(max(cell, 0), gas.bucket_shape[k] - 1))
 
 
 @njit(cache=True, nogil=True)
@@ -87,16 +88,16 @@ def _unlink(gas: Gas, unit: int) -> None:
 @njit(cache=True, nogil=True)
 def add_unit(gas: Gas, weight: F64, stored_error: float) -> int:
     """A new unit at ``weight`` (J,); its slot. The last slot given back is used first."""
-    if gas.count[N_FREE] > 0:
-        gas.count[N_FREE] -= 1
-        unit = int(gas.free[gas.count[N_FREE]])
+    if gas.counts[N_FREE] > 0:
+        gas.counts[N_FREE] -= 1
+        unit = int(gas.free[gas.counts[N_FREE]])
     else:
-        unit = int(gas.count[N_SLOTS])
-        gas.count[N_SLOTS] += 1
+        unit = int(gas.counts[N_SLOTS])
+        gas.counts[N_SLOTS] += 1
     gas.weight[unit] = weight
     gas.error[unit] = stored_error
     gas.degree[unit] = 0
-    gas.count[N_ALIVE] += 1
+    gas.counts[N_ALIVE] += 1
     _link(gas, unit, _bucket(gas, weight))
     return unit
 
@@ -105,9 +106,9 @@ def add_unit(gas: Gas, weight: F64, stored_error: float) -> int:
 def _remove_unit(gas: Gas, unit: int) -> None:
     _unlink(gas, unit)
     gas.degree[unit] = -1
-    gas.free[gas.count[N_FREE]] = unit
-    gas.count[N_FREE] += 1
-    gas.count[N_ALIVE] -= 1
+    gas.free[gas.counts[N_FREE]] = unit
+    gas.counts[N_FREE] += 1
+    gas.counts[N_ALIVE] -= 1
 
 
 @njit(cache=True, nogil=True)
@@ -175,7 +176,7 @@ def _squared_distance(gas: Gas, unit: int, point: F64) -> float:
 
 
 @njit(cache=True, nogil=True)
-def _consider(unit: int, d: float, s1: int, d1: float, s2: int, d2: float) -> tuple[int, float, int, float]:
+def _consider(unit: int, d: float, s1: int, d1: float, s2: int, d2: float) -> Nearest:
     """The two nearest after seeing one more unit; ties go to the lower slot."""
     if d < d1 or (d == d1 and unit < s1):
         return unit, d, s1, d1
@@ -198,19 +199,20 @@ def _unseen_from(gas: Gas, point: F64, cell: tuple[int, int, int], ring: int) ->
 
 
 @njit(cache=True, nogil=True)
-def _scan(gas: Gas, point: F64) -> tuple[int, float, int, float]:
+def _scan(gas: Gas, point: F64) -> Nearest:
     s1, d1, s2, d2 = -1, np.inf, -1, np.inf
-    for unit in range(gas.count[N_SLOTS]):
+    for unit in range(gas.counts[N_SLOTS]):
         if gas.degree[unit] >= 0:
             s1, d1, s2, d2 = _consider(unit, _squared_distance(gas, unit, point), s1, d1, s2, d2)
     return s1, d1, s2, d2
 
 
 @njit(cache=True, nogil=True)
-def nearest_two(gas: Gas, point: F64) -> tuple[int, float, int, float]:
+def nearest_two(gas: Gas, point: F64) -> Nearest:
     """Best and second best unit of ``point`` (J,) with their squared distances: equal to a scan of all units, ties to the lower slot."""
-    if gas.count[N_ALIVE] < FEW_UNITS:
-        return _scan(gas, point)
+    if gas.counts[N_ALIVE] < FEW_UNITS:
+        found: Nearest = _scan(gas, point)
+        return found
     s1, d1, s2, d2 = -1, np.inf, -1, np.inf
     cx, cy, cz = _axis_cell(gas, point, 0), _axis_cell(gas, point, 1), _axis_cell(gas, point, 2)
     nx, ny, nz = gas.bucket_shape[0], gas.bucket_shape[1], gas.bucket_shape[2]
@@ -258,7 +260,7 @@ def _drop_old_edges(gas: Gas, unit: int, max_age: int) -> None:
 @njit(cache=True, nogil=True)
 def _insert(gas: Gas, alpha: float) -> None:
     q = -1
-    for unit in range(gas.count[N_SLOTS]):  # 10 us a scan of 10 000 units, once in lambda signals: no heap needed
+    for unit in range(gas.counts[N_SLOTS]):  # 10 us a scan of 10 000 units, once in lambda signals: no heap needed
         if gas.degree[unit] > 0 and (q < 0 or gas.error[unit] > gas.error[q]):
             q = unit
     f = int(gas.neighbour[q, 0])
@@ -284,14 +286,23 @@ def _decay(gas: Gas, factor: float) -> None:
 
 @njit(cache=True, nogil=True)
 def present(
-    gas: Gas, samples: F64, order: I64, n_target: int, every: int, e_best: float, e_neighbour: float, alpha: float, decay: float, max_age: int
+    gas: Gas,
+    samples: F64,
+    order: I64,
+    n_target: int,
+    every: int,
+    e_best: float,
+    e_neighbour: float,
+    alpha: float,
+    decay: float,
+    max_age: int,
 ) -> int:
     """Show the signals ``samples[order]`` until the gas has ``n_target`` units; how many were shown.
 
     One signal is steps 2 to 9 of Fritzke (1995), section 2, in that order. Insertion falls due every ``every`` signals.
     """
     for i in range(order.shape[0]):
-        if gas.count[N_ALIVE] >= n_target:
+        if gas.counts[N_ALIVE] >= n_target:
             return i
         x = samples[order[i]]
         s1, d1, s2, _ = nearest_two(gas, x)
@@ -305,8 +316,8 @@ def present(
             _move(gas, int(gas.neighbour[s1, k]), x, e_neighbour)
         connect(gas, s1, s2, 0)
         _drop_old_edges(gas, s1, max_age)
-        gas.count[N_SIGNALS] += 1
-        if gas.count[N_SIGNALS] % every == 0:
+        gas.counts[N_SIGNALS] += 1
+        if gas.counts[N_SIGNALS] % every == 0:
             _insert(gas, alpha)
         _decay(gas, decay)
     return int(order.shape[0])
@@ -318,7 +329,7 @@ def refresh(gas: Gas, samples: F64) -> None:
 
     What is left is Martinetz's competitive Hebbian graph of the final weights. ``gas.wins`` counts the wins of each unit.
     """
-    n_slots = gas.count[N_SLOTS]
+    n_slots = gas.counts[N_SLOTS]
     for unit in range(n_slots):
         gas.wins[unit] = 0
         for k in range(max(gas.degree[unit], 0)):
