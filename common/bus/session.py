@@ -352,7 +352,9 @@ class Bus:
 
     def _query(self, key: str, payload: bytes, timeout_s: float) -> list[bytes]:
         answers = []
-        for answer in self.session.get(key, payload=payload or None, timeout=timeout_s):
+        # Zenoh's default would keep one reply a key, but a history is several replies on one key.
+        replies = self.session.get(key, payload=payload or None, timeout=timeout_s, consolidation=zenoh.ConsolidationMode.NONE)
+        for answer in replies:
             if answer.ok is not None:
                 answers.append(bytes(answer.ok.payload))
                 continue

@@ -13,7 +13,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["FAR", "BodyGrids", "Chain", "body_distance", "forward_kinematics", "forward_kinematics_batch", "to_joint_frame"]
+__all__ = ["FAR", "BodyGrids", "Chain", "body_distance", "body_grid", "forward_kinematics", "forward_kinematics_batch", "look_up", "to_joint_frame"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -112,11 +112,33 @@ def to_joint_frame(rotation, translation, x, y, z):  # type: ignore[no-untyped-d
 
 
 @njit(cache=True, nogil=True, inline="always")
-def body_distance(grids, b, x, y, z):  # type: ignore[no-untyped-def]
-    """Lower bound in metres of the signed distance from a point, in the body's joint frame, to body ``b``; ``FAR`` beyond its grid."""
-    inverse = 1.0 / grids.spacing_m
-    fx, fy, fz = (x - grids.origin_m[b, 0]) * inverse, (y - grids.origin_m[b, 1]) * inverse, (z - grids.origin_m[b, 2]) * inverse
-    nx, ny, nz = grids.shape[b, 0], grids.shape[b, 1], grids.shape[b, 2]
-    if not (0.0 <= fx < nx and 0.0 <= fy < ny and 0.0 <= fz < nz):
+def body_grid(grids, b):  # type: ignore[no-untyped-def]
+    """The scalars of body ``b``'s grid for :func:`look_up`: fetched once before a loop, since numba pays a reference count per array access."""
+    return (
+        grids.offset[b],
+        grids.origin_m[b, 0],
+        grids.origin_m[b, 1],
+        grids.origin_m[b, 2],
+        grids.shape[b, 0],
+        grids.shape[b, 1],
+        grids.shape[b, 2],
+        1.0 / grids.spacing_m,
+    )
+
+
+@njit(cache=True, nogil=True, inline="always")
+def look_up(distance, grid, x, y, z):  # type: ignore[no-untyped-def]
+    """Lower bound in metres of the signed distance of a point in the body's joint frame; ``FAR`` beyond the grid.
+
+    ``distance``: :attr:`BodyGrids.distance`; ``grid``: :func:`body_grid` of the body.
+    """
+    fx, fy, fz = (x - grid[1]) * grid[7], (y - grid[2]) * grid[7], (z - grid[3]) * grid[7]
+    if not (0.0 <= fx < grid[4] and 0.0 <= fy < grid[5] and 0.0 <= fz < grid[6]):
         return FAR
-    return grids.distance[grids.offset[b] + (int(fx) * ny + int(fy)) * nz + int(fz)] * TENTH_MM
+    return distance[grid[0] + (int(fx) * grid[5] + int(fy)) * grid[6] + int(fz)] * TENTH_MM
+
+
+@njit(cache=True, nogil=True)
+def body_distance(grids, b, x, y, z):  # type: ignore[no-untyped-def]
+    """:func:`look_up` for a single point; in loops use that."""
+    return look_up(grids.distance, body_grid(grids, b), x, y, z)

@@ -31,7 +31,7 @@ __all__ = ["RobotModel", "cache_dir", "load_robot"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-CACHE_VERSION = 1  # raise when the meaning of a cached array changes
+CACHE_VERSION = 2  # raise when the meaning of a cached array changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -229,7 +229,7 @@ def _cached_geometry(fingerprint: str, bodies: tuple[Body, ...], chain: Chain, l
     if loaded is not None:
         return loaded
     grids = build_grids(bodies)
-    pairs = self_collision_pairs(chain, grids, low, high)
+    pairs = self_collision_pairs(bodies, chain, grids, low, high)
     arrays: dict[str, Any] = {name: np.asarray(value) for name, value in grids._asdict().items()}
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
         np.savez(file, pairs=pairs, **arrays)

@@ -120,7 +120,11 @@ class SetObstacle(Message, frozen=True, kw_only=True, eq=False):
 
 
 class Clearance(Message, frozen=True, kw_only=True):
-    """The physics engine's own word on distance and contacts (terms: ``docs/protocol.md``)."""
+    """The physics engine's own word on distance and contacts (terms: ``docs/protocol.md``).
+
+    ``min_distance_m`` and ``pair`` are of this moment, between the arm and anything but itself; the ``..._since_reset_m`` are the smallest
+    since ``robot/reset``, of all looks (25 Hz) within their reach (0.3 m); absent when nothing came that near.
+    """
 
     min_distance_m: float
     pair: list[str]
@@ -128,6 +132,11 @@ class Clearance(Message, frozen=True, kw_only=True):
     contacts_caused: int
     contacts_suffered: int
     contact_pairs: list[list[str]]
+    min_obstacle_distance_m: float | None = None
+    min_self_distance_m: float | None = None
+    min_distance_since_reset_m: float | None = None
+    min_obstacle_distance_since_reset_m: float | None = None
+    tracking_error_max_rad: float = 0.0
 
 
 class DepthImage(State, frozen=True, kw_only=True, eq=False):

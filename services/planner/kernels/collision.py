@@ -20,7 +20,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from common.robot.body_distance import pair_distance, to_world
-from common.robot.kernels import BodyGrids, Chain, body_distance, forward_kinematics, to_joint_frame
+from common.robot.kernels import TENTH_MM, BodyGrids, Chain, body_grid, forward_kinematics, look_up, to_joint_frame
 
 __all__ = [
     "BLOCK",
@@ -102,16 +102,17 @@ def block_bounds(centre_m, block_m):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True, inline="always")
-def cell_touches_body(grids, b, rotation, x, y, z, half_m, safety_m):  # type: ignore[no-untyped-def]
-    """Whether the cube around (x, y, z), given in the body's frame, may come within ``safety_m`` of body ``b``.
+def cell_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ignore[no-untyped-def]
+    """Whether the cube around (x, y, z), given in the body's frame, may come within ``safety_m`` of a body.
 
-    ``rotation`` (3, 3) is the frame's; its rows are the world axes, along which the cube lies. Never false when it truly does; when true,
-    the cube is within ``safety_m`` + a quarter of its diagonal + rounding of the distance grid.
+    ``distance, grid``: as for :func:`common.robot.kernels.look_up`. ``rotation`` (3, 3) is the frame's; its rows are the world axes, along
+    which the cube lies. Never false when it truly does; when true, the cube is within ``safety_m`` + a quarter of its diagonal + rounding
+    of the distance grid.
     """
-    distance = body_distance(grids, b, x, y, z)
-    if distance > safety_m + half_m * ROOT3:
+    centre = look_up(distance, grid, x, y, z)
+    if centre > safety_m + half_m * ROOT3:
         return False
-    if distance <= safety_m + half_m:
+    if centre <= safety_m + half_m:
         return True
     quarter = 0.5 * half_m
     limit = safety_m + quarter * ROOT3
@@ -122,7 +123,7 @@ def cell_touches_body(grids, b, rotation, x, y, z, half_m, safety_m):  # type: i
         ox = x + sx * rotation[0, 0] + sy * rotation[1, 0] + sz * rotation[2, 0]
         oy = y + sx * rotation[0, 1] + sy * rotation[1, 1] + sz * rotation[2, 1]
         oz = z + sx * rotation[0, 2] + sy * rotation[1, 2] + sz * rotation[2, 2]
-        if body_distance(grids, b, ox, oy, oz) <= limit:
+        if look_up(distance, grid, ox, oy, oz) <= limit:
             return True
     return False
 
@@ -131,40 +132,45 @@ def cell_touches_body(grids, b, rotation, x, y, z, half_m, safety_m):  # type: i
 def pose_hits_cell(arm, cells, safety_m, rotation, translation):  # type: ignore[no-untyped-def]
     """Index of a cell that blocks the pose with frames ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3), or -1."""
     grids = arm.grids
-    reach = safety_m + cells.half_m * ROOT3
+    distance, centre, block, half_m = grids.distance, cells.centre_m, cells.block_m, cells.half_m
+    reach = safety_m + half_m * ROOT3
     for b in range(len(arm.moving)):
         if not arm.moving[b]:
             continue
         j = grids.body_joint[b]
-        cx, cy, cz = to_world(rotation[j], translation[j], grids.bound_centre_m[b])
+        turn, shift, grid = rotation[j], translation[j], body_grid(grids, b)
+        cx, cy, cz = to_world(turn, shift, grids.bound_centre_m, b)
         near = grids.bound_radius_m[b] + reach
         near2 = near * near
-        for k in range(len(cells.block_m)):
-            dx, dy, dz = cells.block_m[k, 0] - cx, cells.block_m[k, 1] - cy, cells.block_m[k, 2] - cz
-            if dx * dx + dy * dy + dz * dz > (near + cells.block_m[k, 3]) ** 2:
+        for k in range(len(block)):
+            dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
+            if dx * dx + dy * dy + dz * dz > (near + block[k, 3]) ** 2:
                 continue
-            for i in range(k * BLOCK, min((k + 1) * BLOCK, len(cells.centre_m))):
-                x, y, z = cells.centre_m[i, 0], cells.centre_m[i, 1], cells.centre_m[i, 2]
+            for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
+                x, y, z = centre[i, 0], centre[i, 1], centre[i, 2]
                 dx, dy, dz = x - cx, y - cy, z - cz
                 if dx * dx + dy * dy + dz * dz > near2:
                     continue
-                x, y, z = to_joint_frame(rotation[j], translation[j], x, y, z)
-                if cell_touches_body(grids, b, rotation[j], x, y, z, cells.half_m, safety_m):
+                x, y, z = to_joint_frame(turn, shift, x, y, z)
+                if cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m):
                     return i
     return -1
 
 
 @njit(cache=True, nogil=True)
-def _solid_distance(solids, s, x, y, z):  # type: ignore[no-untyped-def]
+def _solid_distance(kind, size_m, turn, shift, s, px, py, pz):  # type: ignore[no-untyped-def]
     """Signed distance in metres (negative inside) of a world point to solid ``s``; exact."""
-    x, y, z = to_joint_frame(solids.rotation[s], solids.translation[s], x, y, z)
-    if solids.kind[s] == SPHERE:
-        return math.sqrt(x * x + y * y + z * z) - solids.size_m[s, 0]
-    if solids.kind[s] == BOX:
-        u, v, w = abs(x) - solids.size_m[s, 0], abs(y) - solids.size_m[s, 1], abs(z) - solids.size_m[s, 2]
+    px, py, pz = px - shift[s, 0], py - shift[s, 1], pz - shift[s, 2]
+    x = turn[s, 0, 0] * px + turn[s, 1, 0] * py + turn[s, 2, 0] * pz
+    y = turn[s, 0, 1] * px + turn[s, 1, 1] * py + turn[s, 2, 1] * pz
+    z = turn[s, 0, 2] * px + turn[s, 1, 2] * py + turn[s, 2, 2] * pz
+    if kind[s] == SPHERE:
+        return math.sqrt(x * x + y * y + z * z) - size_m[s, 0]
+    if kind[s] == BOX:
+        u, v, w = abs(x) - size_m[s, 0], abs(y) - size_m[s, 1], abs(z) - size_m[s, 2]
         outside = math.sqrt(max(u, 0.0) ** 2 + max(v, 0.0) ** 2 + max(w, 0.0) ** 2)
         return outside + min(max(u, v, w), 0.0)
-    u, w = math.sqrt(x * x + y * y) - solids.size_m[s, 0], abs(z) - solids.size_m[s, 1]
+    u, w = math.sqrt(x * x + y * y) - size_m[s, 0], abs(z) - size_m[s, 1]
     return math.sqrt(max(u, 0.0) ** 2 + max(w, 0.0) ** 2) + min(max(u, w), 0.0)
 
 
@@ -172,21 +178,23 @@ def _solid_distance(solids, s, x, y, z):  # type: ignore[no-untyped-def]
 def pose_hits_static(arm, solids, rotation, translation):  # type: ignore[no-untyped-def]
     """Index of a static solid nearer than the margin to a moving body, or -1."""
     grids, margin = arm.grids, arm.static_margin_m
+    kind, size, turn, shift = solids.kind, solids.size_m, solids.rotation, solids.translation
+    groups, spheres, first = grids.group_m, grids.spheres_m, grids.group_sphere_offset
     for b in range(len(arm.moving)):
         if not arm.moving[b]:
             continue
-        j = grids.body_joint[b]
-        cx, cy, cz = to_world(rotation[j], translation[j], grids.bound_centre_m[b])
-        for s in range(len(solids.kind)):
-            if _solid_distance(solids, s, cx, cy, cz) - grids.bound_radius_m[b] > margin:
+        frame, origin = rotation[grids.body_joint[b]], translation[grids.body_joint[b]]
+        cx, cy, cz = to_world(frame, origin, grids.bound_centre_m, b)
+        for s in range(len(kind)):
+            if _solid_distance(kind, size, turn, shift, s, cx, cy, cz) - grids.bound_radius_m[b] > margin:
                 continue
             for g in range(grids.group_offset[b], grids.group_offset[b + 1]):
-                x, y, z = to_world(rotation[j], translation[j], grids.group_m[g])
-                if _solid_distance(solids, s, x, y, z) - grids.group_m[g, 3] > margin:
+                x, y, z = to_world(frame, origin, groups, g)
+                if _solid_distance(kind, size, turn, shift, s, x, y, z) - groups[g, 3] > margin:
                     continue
-                for p in range(grids.group_sphere_offset[g], grids.group_sphere_offset[g + 1]):
-                    x, y, z = to_world(rotation[j], translation[j], grids.spheres_m[p])
-                    if _solid_distance(solids, s, x, y, z) - grids.spheres_m[p, 3] <= margin:
+                for p in range(first[g], first[g + 1]):
+                    x, y, z = to_world(frame, origin, spheres, p)
+                    if _solid_distance(kind, size, turn, shift, s, x, y, z) - spheres[p, 3] <= margin:
                         return s
     return -1
 
@@ -194,8 +202,9 @@ def pose_hits_static(arm, solids, rotation, translation):  # type: ignore[no-unt
 @njit(cache=True, nogil=True)
 def pose_hits_self(arm, rotation, translation):  # type: ignore[no-untyped-def]
     """Row of the pair of bodies nearer to one another than the margin, or -1."""
+    enough_m = arm.self_margin_m + TENTH_MM  # distances are stored in tenths of a millimetre
     for p in range(len(arm.pairs)):
-        if pair_distance(arm.grids, arm.pairs[p, 0], arm.pairs[p, 1], rotation, translation) <= arm.self_margin_m:
+        if pair_distance(arm.grids, arm.pairs[p, 0], arm.pairs[p, 1], rotation, translation, enough_m) < enough_m:
             return p
     return -1
 
@@ -237,7 +246,7 @@ def arm_step_m(arm, dq_rad, rotation, translation):  # type: ignore[no-untyped-d
         j_body = grids.body_joint[b]
         if j_body == 0:
             continue
-        cx, cy, cz = to_world(rotation[j_body], translation[j_body], grids.bound_centre_m[b])
+        cx, cy, cz = to_world(rotation[j_body], translation[j_body], grids.bound_centre_m, b)
         moved = 0.0
         for j in range(1, j_body + 1):
             if dq_rad[j - 1] == 0.0:

@@ -16,6 +16,24 @@ Count = Annotated[int, Meta(ge=1)]
 Vector3 = Annotated[list[float], Meta(min_length=3, max_length=3)]
 
 
+class RegionConfig(Strict, frozen=True):
+    """Where the tool reaches: a box of tool positions in the world, the tool down, turned and tilted within bounds."""
+
+    min_m: Vector3
+    max_m: Vector3
+    tilt_max_rad: Annotated[float, Meta(ge=0, le=1.5)] = 0.3  # our choice: a gripper leans to get past a bin's wall
+
+
+class MotionsConfig(Strict, frozen=True):
+    """The training data: reaching motions of pick and place by RRTConnect, half of them among random boxes."""
+
+    pick: RegionConfig
+    place: RegionConfig
+    n_trajectories: Count = 1230  # paper
+    n_samples: Count = 50_000  # paper: 50 728
+    seed: Annotated[int, Meta(ge=0)] = 0
+
+
 class MapConfig(Strict, frozen=True):
     """The growing neural gas and what is done to it until it is a map."""
 
