@@ -1,0 +1,1 @@
+"""Depth images and joint states in, occupied cells out. Never reads the scene's ground truth."""
