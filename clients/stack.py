@@ -17,7 +17,7 @@ from common.wire.keys import OWNERS
 from deploy.processes import StackOptions
 from deploy.rundir import RunDirectory
 
-__all__ = ["OwnStack", "free_endpoint", "launch_arguments"]
+__all__ = ["OwnStack", "free_endpoint", "is_free", "launch_arguments"]
 
 STOP_WITHIN_S = 15.0  # the supervisor itself kills after 5 s, see deploy.launch
 READY_WITHIN_S = 1800.0  # our choice: the first start of all builds the map
@@ -29,6 +29,18 @@ def free_endpoint() -> str:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def is_free(endpoint: str) -> bool:
+    """Whether a router could listen at a ``tcp/<host>:<port>`` endpoint of this machine now."""
+    host, _, port = endpoint.removeprefix("tcp/").rpartition(":")
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((host, int(port)))
+        except OSError:
+            return False
+    return True
 
 
 def launch_arguments(options: StackOptions) -> list[str]:

@@ -7,7 +7,6 @@ import ctypes
 import importlib.metadata
 import json
 import os
-import socket
 import subprocess
 import sys
 from collections.abc import Callable
@@ -103,21 +102,17 @@ def cores() -> list[Finding]:
 def bus_port() -> list[Finding]:
     """The router's port: free, or held by a stack of ours."""
     try:
-        from common.bus.session import DEFAULT_ENDPOINT, BusAddress  # noqa: PLC0415 (must run where packages are missing)
+        from clients.stack import is_free  # noqa: PLC0415 (must run where packages are missing)
+        from common.bus.session import DEFAULT_ENDPOINT, BusAddress  # noqa: PLC0415
         from deploy.rundir import RunDirectory  # noqa: PLC0415
     except ImportError:
         return []
-    host, _, port = DEFAULT_ENDPOINT.removeprefix("tcp/").rpartition(":")
-    with socket.socket() as probe:
-        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        try:
-            probe.bind((host, int(port)))
-        except OSError as error:
-            pid = RunDirectory(BusAddress()).running_pid()
-            if pid is not None:
-                return [Finding("bus port", True, f"{port}, in use by a running stack (pid {pid})")]
-            return [Finding("bus port", False, f"{port}: {error.strerror}", "tolman up --connect tcp/127.0.0.1:17447")]
-    return [Finding("bus port", True, f"{port} is free")]
+    if is_free(DEFAULT_ENDPOINT):
+        return [Finding("bus port", True, f"{DEFAULT_ENDPOINT} is free")]
+    pid = RunDirectory(BusAddress()).running_pid()
+    if pid is not None:
+        return [Finding("bus port", True, f"{DEFAULT_ENDPOINT} is in use by a running stack (pid {pid})")]
+    return [Finding("bus port", False, f"{DEFAULT_ENDPOINT} is taken", "tolman up --connect tcp/127.0.0.1:17447")]
 
 
 def compiled_modules() -> list[Finding]:

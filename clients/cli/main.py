@@ -38,7 +38,7 @@ COMMANDS: dict[str, Command] = {
     "obstacle": Command("clients.cli.obstacle", "add, move, script or remove obstacles"),
     "stop": Command("clients.cli.robot", "protective stop of the arm"),
     "resume": Command("clients.cli.robot", "end a protective stop"),
-    "reset": Command("clients.cli.robot", "arm to its home pose, obstacles away, counters to zero"),
+    "reset": Command("clients.cli.robot", "arm to its home pose, contact and distance counts to zero"),
     "build": Command("clients.cli.build", "make the cognitive map and its table"),
     "bench": Command("clients.cli.bench", "measure the figures of README"),
     "doctor": Command("clients.cli.doctor", "say what is missing on this machine, and the line that mends it"),
