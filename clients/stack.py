@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import signal
 import socket
 import subprocess
 import sys
+import time
 from collections import deque
 from pathlib import Path
 
-from clients.waiting import wait_until
+from clients.waiting import wait_for_owners
 from common.bus.session import Bus, BusAddress, RemoteError
-from common.wire.keys import OWNERS
 from deploy.processes import StackOptions
 from deploy.rundir import RunDirectory
 
@@ -84,19 +83,14 @@ class OwnStack:
         Raises:
             RemoteError: the supervisor ended (its last words are in the message) or there is no router in time.
         """
-        bus: list[Bus] = []
-
-        def is_open() -> bool:
+        deadline_s = time.monotonic() + timeout_s
+        while True:
             self._raise_if_ended()
-            with contextlib.suppress(RemoteError):
-                bus.append(Bus(self.address, connect_timeout_s=0.2))
-            return bool(bus)
-
-        deadline_turns = max(int(timeout_s / 0.2), 1)
-        for _ in range(deadline_turns):
-            if is_open():
-                return bus[0]
-        raise RemoteError(f"no router at {self.address.endpoint} within {timeout_s:g} s", code="no_router")
+            try:
+                return Bus(self.address, connect_timeout_s=0.2)
+            except RemoteError:
+                if time.monotonic() > deadline_s:
+                    raise
 
     def wait_ready(self, bus: Bus, timeout_s: float = READY_WITHIN_S) -> None:
         """Until every owner shows its liveliness token.
@@ -104,15 +98,8 @@ class OwnStack:
         Raises:
             RemoteError: not in time, or the supervisor ended; the end of the log is in the message.
         """
-        alive: dict[str, bool] = {}
-        bus.watch_alive(alive.__setitem__)
-
-        def is_ready() -> bool:
-            self._raise_if_ended()
-            return all(alive.get(owner, False) for owner in OWNERS)
-
-        if not wait_until(bus, is_ready, timeout_s):
-            missing = [owner for owner in OWNERS if not alive.get(owner, False)]
+        missing = wait_for_owners(bus, timeout_s, self._raise_if_ended)
+        if missing:
             raise RemoteError(f"not ready within {timeout_s:g} s: {', '.join(missing)}\n{self._last_lines()}", code="not_ready")
 
     def stop(self) -> None:

@@ -6,9 +6,10 @@ import time
 from collections.abc import Callable, Iterable
 
 from common.bus.session import Bus, Queue
+from common.wire.keys import OWNERS
 from common.wire.messages import PlannerEvent
 
-__all__ = ["GOAL_ENDS", "ending", "wait_for_goal", "wait_until"]
+__all__ = ["GOAL_ENDS", "ending", "wait_for_goal", "wait_for_owners", "wait_until"]
 
 GOAL_ENDS = ("goal_reached", "goal_cancelled", "goal_failed", "goal_replaced")
 TURN_S = 0.1  # a message wakes at once; this only bounds how late a timeout or a dead process is noticed
@@ -23,6 +24,21 @@ def wait_until(bus: Bus, condition: Callable[[], bool], timeout_s: float) -> boo
         bus.wake.wait(TURN_S)
         bus.wake.clear()
     return True
+
+
+def wait_for_owners(bus: Bus, timeout_s: float, on_turn: Callable[[], None] = lambda: None) -> list[str]:
+    """Wait until every owner shows its liveliness token; the owners that do not when the time is over. ``on_turn`` may raise to end it."""
+    alive: dict[str, bool] = {}
+    bus.watch_alive(alive.__setitem__)
+
+    def missing() -> list[str]:
+        return [owner for owner in OWNERS if not alive.get(owner, False)]
+
+    def is_ready() -> bool:
+        on_turn()
+        return not missing()
+
+    return [] if wait_until(bus, is_ready, timeout_s) else missing()
 
 
 def wait_for_goal(bus: Bus, events: Queue[PlannerEvent], goal_id: str, timeout_s: float) -> PlannerEvent | None:

@@ -20,14 +20,17 @@ from clients.demo.config import DemoConfig
 from clients.demo.display import display, summary
 from clients.demo.run import DemoRun
 from clients.stack import OwnStack, free_endpoint, is_free
+from clients.waiting import wait_for_owners
 from common import cell
-from common.bus.session import DEFAULT_ENDPOINT, Bus, BusAddress
+from common.bus.session import DEFAULT_ENDPOINT, Bus, BusAddress, RemoteError
 from common.config import load_tables
 from common.robot.model import load_robot
 from deploy.processes import StackOptions
 from deploy.rundir import RunDirectory
 
 __all__ = ["add_arguments", "run"]
+
+ATTACH_WITHIN_S = 60.0  # our choice: a stack that is being started may still compile
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -89,6 +92,9 @@ def _gentle_interrupt() -> Iterator[Callable[[], bool]]:
 @contextmanager
 def _attached(args: argparse.Namespace) -> Iterator[Bus]:
     with open_bus(args) as bus:
+        missing = wait_for_owners(bus, ATTACH_WITHIN_S)
+        if missing:
+            raise RemoteError(f"not alive within {ATTACH_WITHIN_S:g} s: {', '.join(missing)}", code="not_ready")
         yield bus
 
 

@@ -16,11 +16,10 @@ RangeM = tuple[float, float]
 
 
 class RegionConfig(Strict, frozen=True):
-    """A box of tool positions; the tool points down there."""
+    """A box of tool positions in the world; the tool points down there, turned anyhow."""
 
-    x_m: RangeM
-    y_m: RangeM
-    z_m: RangeM
+    min_m: tuple[float, float, float]
+    max_m: tuple[float, float, float]
 
 
 class HandConfig(Strict, frozen=True):
@@ -33,7 +32,7 @@ class HandConfig(Strict, frozen=True):
     speed_m_s: Positive = 0.25  # issue 2
     rest_s: RangeS = (0.8, 2.0)  # our choice
     pause_s: RangeS = (2.0, 4.0)  # our choice: between two visits
-    forearm_radius_m: Positive = 0.04  # issue 2's brief measure of a forearm, our choice
+    forearm_radius_m: Positive = 0.04  # an adult's; our choice
     forearm_length_m: Positive = 0.30
     hand_size_m: tuple[Positive, Positive, Positive] = (0.18, 0.09, 0.04)  # length, breadth, thickness of an adult's; our choice
 

@@ -15,7 +15,6 @@ from common.wire.messages import Pose, SetGoal, SetObstacle, Waypoint
 __all__ = ["Act", "Goal", "acts", "goals"]
 
 ALONG_X_XYZW = [0.0, math.sqrt(0.5), 0.0, math.sqrt(0.5)]  # a quarter turn about y: the capsule's z lies along x
-TOOL_DOWN_XYZW = (1.0, 0.0, 0.0, 0.0)
 GOAL_STREAM, HAND_STREAM, BOX_STREAM = 0, 1, 2  # each draws from its own generator, so that changing one leaves the others alone
 
 
@@ -57,7 +56,7 @@ def _draw(rng: np.random.Generator, bounds: RangeM) -> float:
 
 
 def _pose_in(region: RegionConfig, rng: np.random.Generator) -> SetGoal:
-    position = [_draw(rng, region.x_m), _draw(rng, region.y_m), _draw(rng, region.z_m)]
+    position = [float(value) for value in rng.uniform(region.min_m, region.max_m)]
     half = _draw(rng, (-math.pi, math.pi)) / 2.0
     # Turn about the vertical, then half a turn about x: (0, 0, sin, cos) * (1, 0, 0, 0).
     quaternion = [math.cos(half), math.sin(half), 0.0, 0.0]
