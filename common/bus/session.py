@@ -48,6 +48,8 @@ R = TypeVar("R", bound=Message)
 DEFAULT_ENDPOINT = "tcp/127.0.0.1:7447"  # Zenoh's registered port
 DEFAULT_NAMESPACE = "tolman"
 LEASE_MS = 2000  # a dead link is noticed after the lease; Zenoh's default of 10 s is long for an arm (measured in the design)
+# What Zenoh itself may say, unless RUST_LOG is set. Its session reports samples that arrive while it closes as errors; they are none.
+ZENOH_LOG = "error,zenoh::api::session=off"
 QUEUE_LENGTH = 256
 COMMAND_QUEUE_LENGTH = 64
 log = logging.getLogger("bus")
@@ -85,7 +87,7 @@ class Router:
     """A Zenoh router in this process (locally instead of a ``zenohd``)."""
 
     def __init__(self, endpoint: str = DEFAULT_ENDPOINT) -> None:
-        zenoh.init_log_from_env_or("error")
+        zenoh.init_log_from_env_or(ZENOH_LOG)
         self.endpoint = endpoint
         try:
             self._session = zenoh.open(_config("router", BusAddress(endpoint)))
@@ -276,7 +278,7 @@ class Bus:
     """One Zenoh session of one process, typed. Use it in ``with``: everything is undeclared and closed in order."""
 
     def __init__(self, address: BusAddress, *, connect_timeout_s: float = 10.0) -> None:
-        zenoh.init_log_from_env_or("error")
+        zenoh.init_log_from_env_or(ZENOH_LOG)
         self.address = address
         self.epoch = utc_ns()
         self.wake = threading.Event()
