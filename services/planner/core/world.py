@@ -1,8 +1,9 @@
-"""What the planner checks against: the arm, the static layer, and the cells of the moment, as arrays for the kernels."""
+"""What the planner plans in: the arm, the static layer, and the cells of the moment with what they block."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,17 @@ from common.cell import SolidConfig
 from common.geometry.grid import Grid
 from common.geometry.transforms import rpy_matrix
 from common.robot.model import RobotModel
-from services.planner.kernels.collision import BLOCK, BOX, CYLINDER, SPHERE, Arm, Cells, Solids, block_bounds
+from services.planner.core.check import Checker
+from services.planner.core.lookup import BlockedCounts
+from services.planner.kernels.collision import BLOCK, BOX, CYLINDER, FREE, SPHERE, Arm, Cells, Solids, block_bounds
+from services.planner.kernels.path import leaves
 
-__all__ = ["arm_of", "cells_of", "no_cells", "solids_of"]
+__all__ = ["Leaving", "World", "arm_of", "cells_of", "no_cells", "solids_of"]
 
+F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
+LEAVING_POSES = 40  # poses at which a straight way out is looked at; our choice
+LEAVING_SLACK_M = 0.002  # rounding of the distance grids
 
 
 def arm_of(robot: RobotModel, *, static_margin_m: float, self_margin_m: float) -> Arm:
@@ -58,3 +65,49 @@ def cells_of(grid: Grid, cells: I32) -> Cells:
 def no_cells(grid: Grid) -> Cells:
     """An empty world."""
     return cells_of(grid, np.empty(0, dtype=np.int32))
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """The occupied cells of one moment: as a list, as geometry, and as counts on the map."""
+
+    grid: Grid
+    counts: BlockedCounts
+    cells: Cells
+
+    @staticmethod
+    def of(grid: Grid, counts: BlockedCounts) -> World:
+        """The world that ``counts`` were last set to."""
+        return World(grid, counts, cells_of(grid, counts.cells))
+
+    def leaving(self, checker: Checker, q_start: F64) -> Leaving | None:
+        """How an arm that stands within the safety distance of some cells may get out; None if it may not.
+
+        Those cells are tolerated for the way out as long as the bare arm touches none of them (a hand came close); what else blocks the
+        start (static layer, itself, cells that the bare arm touches) cannot be left that way.
+        """
+        near = checker.cells_hit(self.cells, q_start)
+        tolerated = self.counts.cells[near]
+        if not near.any() or checker.cells_hit(self.cells, q_start, safety_m=0.0).any():
+            return None
+        rest = World.of(self.grid, self.counts.without(tolerated))
+        if checker.pose(rest.cells, q_start)[0] != FREE:
+            return None
+        return Leaving(cells_of(self.grid, tolerated), rest)
+
+
+@dataclass(frozen=True, eq=False)
+class Leaving:
+    """Cells tolerated on the way out, and the world without them."""
+
+    tolerated: Cells
+    rest: World
+
+    def is_way_out(self, checker: Checker, q_from: F64, q_to: F64) -> bool:
+        """Whether the straight way never goes deeper into the tolerated cells."""
+        return self.leads_out(checker, np.linspace(q_from, q_to, LEAVING_POSES))
+
+    def leads_out(self, checker: Checker, poses_rad: F64) -> bool:
+        """Whether the arm only moves away from the tolerated cells along ``poses_rad`` (K, J)."""
+        reach_m = checker.safety_m + self.tolerated.half_m * np.sqrt(3.0)
+        return bool(leaves(checker.arm, self.tolerated, reach_m, LEAVING_SLACK_M, poses_rad))

@@ -36,6 +36,7 @@ __all__ = [
     "Solids",
     "arm_step_m",
     "block_bounds",
+    "cells_that_hit",
     "cell_touches_body",
     "pose_hits_cell",
     "pose_hits_self",
@@ -155,6 +156,22 @@ def pose_hits_cell(arm, cells, safety_m, rotation, translation):  # type: ignore
                 if cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m):
                     return i
     return -1
+
+
+@njit(cache=True, nogil=True)
+def cells_that_hit(arm, cells, safety_m, rotation, translation, hit):  # type: ignore[no-untyped-def]
+    """Set ``hit`` (C,) uint8 for every cell that blocks the pose with the given frames; arguments as :func:`pose_hits_cell`."""
+    grids = arm.grids
+    distance, centre, half_m = grids.distance, cells.centre_m, cells.half_m
+    hit[:] = 0
+    for b in range(len(arm.moving)):
+        if not arm.moving[b]:
+            continue
+        turn, shift, grid = rotation[grids.body_joint[b]], translation[grids.body_joint[b]], body_grid(grids, b)
+        for i in range(len(centre)):
+            x, y, z = to_joint_frame(turn, shift, centre[i, 0], centre[i, 1], centre[i, 2])
+            if not hit[i] and cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m):
+                hit[i] = 1
 
 
 @njit(cache=True, nogil=True)

@@ -57,7 +57,7 @@ def segment_is_free(world: World, q_a: F64, q_b: F64, step_rad: float) -> bool:
 
     ``q_a`` itself is taken to be free; ``q_b`` is looked at first, then the middle, the quarters and so on: what collides shows early.
     """
-    n = int(math.ceil(_distance(q_a, q_b) / step_rad))
+    n = math.ceil(_distance(q_a, q_b) / step_rad)
     q = q_b.copy()
     if not pose_is_free(world.arm, world.solids, world.cells, world.safety_m, q, world.rotation, world.translation):
         return False
@@ -189,7 +189,7 @@ def _point_at(path: F64, n_points: int, along: float, q: F64) -> int:
 
 @njit(cache=True, nogil=True)
 def shortcut(world: World, path: F64, n_points: int, n_attempts: int, step_rad: float, rng: U64) -> int:
-    """Replace stretches between two random points of ``path[:n_points]`` by straight motions where these are free; the new number of points.
+    """Replace stretches between random points of ``path[:n_points]`` by straight motions where these are free; the new number of points.
 
     Geraerts and Overmars, "Creating high-quality paths for motion planning" (2007). ``path`` (P, J) must have room for one point more.
     """

@@ -1,0 +1,68 @@
+"""The planner's section of the cell config."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+from msgspec import Meta
+
+from common.config import Strict
+from services.planner.offline.config import MapConfig, MotionsConfig
+
+__all__ = ["MarginsConfig", "PlannerConfig", "ReplanConfig", "SmoothingConfig", "SpeedConfig"]
+
+Positive = Annotated[float, Meta(gt=0)]
+Length = Annotated[float, Meta(ge=0, le=0.2)]
+Share = Annotated[float, Meta(gt=0, le=1)]
+
+
+class MarginsConfig(Strict, frozen=True):
+    """Distances that the one check keeps, in metres."""
+
+    safety_m: Length = 0.02  # paper: arm parts are inflated by a safety distance; 2 cm is the issue's default
+    static_m: Length = 0.01  # our choice: the reference is tracked to 0.02 rad, a few millimetres at the tool
+    self_m: Length = 0.005  # our choice
+    step_m: Annotated[float, Meta(gt=0, le=0.1)] = 0.01  # half a cell: no part of the arm moves farther between two checked poses
+
+
+class SmoothingConfig(Strict, frozen=True):
+    """How a path becomes a motion."""
+
+    smooth: bool = True
+    shortcut_checks: Annotated[int, Meta(ge=0, le=200)] = 10  # straight segments tried to cut corners; our choice
+
+
+class SpeedConfig(Strict, frozen=True):
+    """Shares of the arm's limits that planned motions use."""
+
+    velocity: Share = 0.8  # our choice: a person shares the table
+    acceleration: Share = 0.9  # our choice: room for braking along the path, whose curvature uses acceleration too
+
+
+class ReplanConfig(Strict, frozen=True):
+    """When a new way is taken."""
+
+    tick_s: Positive = 0.3  # paper, section IV: every 0.3 s
+    shorter_share: Share = 0.05  # our choice, design table: shorter means by max(5 %, 0.1 rad) ...
+    shorter_rad: Positive = 0.1
+    shorter_stable_s: Positive = 1.0  # ... along the same corridor for 1.0 s
+    corridor_rad: Positive = 0.6  # our choice: two ways are the same corridor if their middles are nearer than that
+    splice_budget_s: Positive = 0.06  # a new motion leaves the running one so much later; measured: p99 of an answer is below
+    stop_margin_s: Positive = 0.1  # our choice: the arm stands so long before it would reach the first blocked point
+    hand_speed_m_s: Positive = 0.25  # issue: hands move at 0.25 m/s
+    stale_s: Positive = 0.4  # our choice: six frames of 15 Hz; older eyes plan nothing
+    unavoidable_frames: Annotated[int, Meta(ge=1)] = 5  # our choice: evidence for something in cells that no path avoids
+
+
+class PlannerConfig(Strict, frozen=True):
+    """Section ``[planner]``."""
+
+    motions: MotionsConfig
+    map: MapConfig = MapConfig()
+    margins: MarginsConfig = MarginsConfig()
+    smoothing: SmoothingConfig = SmoothingConfig()
+    speed: SpeedConfig = SpeedConfig()
+    replan: ReplanConfig = ReplanConfig()
+    model: Literal["gng"] = "gng"
+    rules: Literal["checked", "paper"] = "checked"
+    search: Literal["dijkstra", "astar", "wavefront"] = "dijkstra"  # paper

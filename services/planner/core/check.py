@@ -1,0 +1,88 @@
+"""The one check, with the names of things: poses, segments and curves against cells, static layer and the arm itself."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.robot.kernels import forward_kinematics
+from common.robot.trajectory import JointTrajectory
+from services.planner.kernels.collision import FREE, HIT_CELL, HIT_STATIC, Arm, Cells, Solids, cells_that_hit, pose_verdict
+from services.planner.kernels.path import curve_verdict, segment_verdict
+
+__all__ = ["Checker", "CurveVerdict"]
+
+F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+CurveVerdict = tuple[int, int, float]
+
+
+class Checker:
+    """Checks for one arm in one cell. Holds scratch, so one per thread.
+
+    Args:
+        arm, solids: what is checked and the static layer.
+        safety_m: distance kept from cells.
+        step_m: farthest that any point of the arm moves between two checked poses.
+        body_names, solid_names: for reasons in words.
+    """
+
+    def __init__(self, arm: Arm, solids: Solids, *, safety_m: float, step_m: float, body_names: list[str], solid_names: list[str]) -> None:
+        self.arm = arm
+        self.solids = solids
+        self.safety_m = safety_m
+        self.step_m = step_m
+        self._body_names = body_names
+        self._solid_names = solid_names
+        self._arm_against_cells = arm._replace(pairs=np.empty((0, 2), dtype=np.int64))
+        self._no_solids = Solids(np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((0, 3)))
+        n_joints = len(arm.chain.axis)
+        self._rotation, self._translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
+
+    def pose(self, cells: Cells, q_rad: F64, *, safety_m: float | None = None) -> tuple[int, int]:
+        """Verdict and index of what ``q_rad`` (J,) hits."""
+        safety = self.safety_m if safety_m is None else safety_m
+        verdict, index = pose_verdict(self.arm, self.solids, cells, safety, q_rad, self._rotation, self._translation)
+        return int(verdict), int(index)
+
+    def cells_hit(self, cells: Cells, q_rad: F64, *, safety_m: float | None = None) -> NDArray[np.bool_]:
+        """Which cells (C,) block ``q_rad`` (J,)."""
+        safety = self.safety_m if safety_m is None else safety_m
+        hit = np.empty(len(cells.centre_m), dtype=np.uint8)
+        forward_kinematics(self.arm.chain, q_rad, self._rotation, self._translation)
+        cells_that_hit(self.arm, cells, safety, self._rotation, self._translation, hit)
+        return hit.astype(bool)
+
+    def segment(self, cells: Cells, q_a: F64, q_b: F64) -> bool:
+        """Whether the straight joint segment is free."""
+        verdict, _, _ = segment_verdict(self.arm, self.solids, cells, self.safety_m, self.step_m, q_a, q_b)
+        return bool(verdict == FREE)
+
+    def curve(self, cells: Cells, curve: JointTrajectory, *, from_s: float = 0.0, to_s: float = np.inf) -> CurveVerdict:
+        """Verdict, index of what is hit and time of the first blocked pose of a timed curve between two of its times."""
+        to_s = min(to_s, curve.duration_s)
+        verdict, index, at_s, _ = curve_verdict(
+            self.arm, self.solids, cells, self.safety_m, self.step_m, curve.t_s, curve.q_rad, curve.dq_rad_s, from_s, to_s
+        )
+        return int(verdict), int(index), float(at_s)
+
+    def curve_meets(
+        self, cells: Cells, curve: JointTrajectory, *, from_s: float = 0.0, to_s: float = np.inf, room_m: float = 0.0
+    ) -> float | None:
+        """First time at which a curve, known to be free otherwise, comes within the safety distance and ``room_m`` of ``cells``."""
+        if len(cells.centre_m) == 0:
+            return None
+        verdict, _, at_s, _ = curve_verdict(
+            self._arm_against_cells, self._no_solids, cells, self.safety_m + room_m, self.step_m,
+            curve.t_s, curve.q_rad, curve.dq_rad_s, from_s, min(to_s, curve.duration_s),
+        )  # fmt: skip
+        return None if verdict == FREE else float(at_s)
+
+    def describe(self, verdict: int, index: int) -> str:
+        """What a verdict means, in words."""
+        if verdict == HIT_CELL:
+            return "an occupied cell is in the way"
+        if verdict == HIT_STATIC:
+            return f"the arm would touch {self._solid_names[index]}"
+        a, b = self.arm.pairs[index]
+        return f"the arm would touch itself ({self._body_names[a]}, {self._body_names[b]})"

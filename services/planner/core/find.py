@@ -1,0 +1,194 @@
+"""From a question to a path: join start and goal to the map, search what is free, cut corners.
+
+``rules="checked"``: the true start and goal join the map by connections to the nearest free neurons; a connection is checked when the
+search wants to use it (most never are), and the search is repeated without those that turn out blocked. ``rules="paper"``: start and
+goal snap to their best matches, only neurons are blocked, nothing else is checked (Steffen et al. 2022, section IV).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.planner.core.check import Checker
+from services.planner.core.roadmap import Roadmap
+from services.planner.core.world import Leaving, World
+from services.planner.kernels.collision import FREE
+from services.planner.kernels.path import nearest_free
+from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
+
+__all__ = ["SEARCHES", "FoundPath", "NotFound", "PathFinder", "path_length"]
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+Rules = Literal["checked", "paper"]
+SEARCHES = ("dijkstra", "astar", "wavefront")
+N_CONNECTIONS = 24  # nearest free neurons that start and goal may join; our choice
+MAX_ROUNDS = 24  # searches with blocked connections taken out; our choice
+
+
+@dataclass(frozen=True, eq=False)
+class FoundPath:
+    """A free path.
+
+    Attributes:
+        neurons: (N,) int32 neurons on the way, may be empty (a straight line).
+        q_rad: (P, J) points from true start to true goal; after corner cutting fewer than neurons + 2.
+        raw_q_rad: (N + 2, J) start, neurons, goal.
+        length_rad: Euclidean joint length of ``raw_q_rad``.
+        leaving: the cells among which the arm stands at the start and which it must move away from; None = it stands free.
+    """
+
+    neurons: I32
+    q_rad: F64
+    raw_q_rad: F64
+    length_rad: float
+    leaving: Leaving | None = None
+
+
+@dataclass(frozen=True)
+class NotFound:
+    """Why there is no path: an expected outcome."""
+
+    outcome: Literal["no_path", "start_blocked", "goal_blocked"]
+    reason: str
+
+
+def path_length(q_rad: F64) -> float:
+    """Euclidean joint length in rad of a polyline (P, J)."""
+    return float(np.linalg.norm(np.diff(q_rad, axis=0), axis=1).sum())
+
+
+class PathFinder:
+    """Searches one roadmap. Holds scratch buffers, so one per thread; answers depend on the arguments alone."""
+
+    def __init__(self, roadmap: Roadmap, checker: Checker) -> None:
+        self.roadmap = roadmap
+        self.checker = checker
+        n, m = roadmap.n_neurons, roadmap.n_edges
+        self._cost, self._parent = np.empty(n), np.empty(n, dtype=np.int32)
+        self._level, self._queue = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)
+        capacity = N_CONNECTIONS + 2 * m + n + 1
+        self._heap_key, self._heap_node = np.empty(capacity), np.empty(capacity, dtype=np.int32)
+        self._path = np.empty(n, dtype=np.int32)
+        self._none_blocked = np.zeros(n, dtype=np.int32)
+        self._no_edges_blocked = np.zeros(m, dtype=np.int32)
+
+    def find(
+        self, world: World, q_start: F64, q_goal: F64, *, rules: Rules, search: str, shortcut_checks: int = 0
+    ) -> FoundPath | NotFound:
+        """A path from ``q_start`` to ``q_goal`` (J,) among the cells.
+
+        Args:
+            world: the occupied cells and what they block.
+            rules, search: see the module; ``search`` is one of :data:`SEARCHES`.
+            shortcut_checks: at most so many straight segments are tried to cut corners (``checked`` only).
+        """
+        if rules == "paper":
+            return self._find_paper(world, q_start, q_goal, search)
+        leaving = None
+        verdict, index = self.checker.pose(world.cells, q_start)
+        if verdict != FREE:
+            leaving = world.leaving(self.checker, q_start)
+            if leaving is None:
+                return NotFound("start_blocked", f"start: {self.checker.describe(verdict, index)}")
+            world = leaving.rest
+        verdict, index = self.checker.pose(world.cells, q_goal)
+        if verdict != FREE:
+            return NotFound("goal_blocked", f"goal: {self.checker.describe(verdict, index)}")
+        if self._joins(world, leaving, q_start, q_goal):
+            direct = np.stack([q_start, q_goal])
+            return FoundPath(np.empty(0, dtype=np.int32), direct, direct, path_length(direct), leaving)
+        neurons = self._search_connected(world, leaving, q_start, q_goal, search)
+        if neurons is None:
+            return NotFound("no_path", self._no_way(world))
+        raw = np.vstack([q_start, self.roadmap.neurons_rad[neurons], q_goal])
+        path = self._cut_corners(world, raw, shortcut_checks) if leaving is None else raw
+        return FoundPath(neurons, path, raw, path_length(raw), leaving)
+
+    def _no_way(self, world: World) -> str:
+        return f"no way on the map: {world.counts.n_blocked} of {self.roadmap.n_neurons} neurons blocked"
+
+    def _joins(self, world: World, leaving: Leaving | None, q_start: F64, q: F64) -> bool:
+        """Whether the straight way from the start is free and, for an arm that stands among cells, leads out of them."""
+        return self.checker.segment(world.cells, q_start, q) and (leaving is None or leaving.is_way_out(self.checker, q_start, q))
+
+    def _find_paper(self, world: World, q_start: F64, q_goal: F64, search: str) -> FoundPath | NotFound:
+        ends = []
+        for q, outcome, end in ((q_start, "start_blocked", "start"), (q_goal, "goal_blocked", "goal")):
+            best, distance = self._nearest(self._none_blocked, q, 1)
+            if world.counts.node[best[0]] > 0:
+                return NotFound(outcome, f"{end}: its best match, neuron {best[0]}, is blocked")  # type: ignore[arg-type]
+            ends.append((best, distance))
+        (start, start_cost), (goal, goal_cost) = ends
+        neurons = self._search(world.counts.node, self._no_edges_blocked, start, start_cost, goal, goal_cost, q_goal, search)
+        if neurons is None:
+            return NotFound("no_path", self._no_way(world))
+        raw = np.vstack([q_start, self.roadmap.neurons_rad[neurons], q_goal])
+        return FoundPath(neurons, raw, raw, path_length(raw))
+
+    def best_match(self, q_rad: F64) -> int:
+        """The nearest neuron of ``q_rad`` (J,), blocked or not."""
+        return int(self._nearest(self._none_blocked, q_rad, 1)[0][0])
+
+    def _nearest(self, blocked: I32, q: F64, k: int) -> tuple[I32, F64]:
+        index, distance = np.empty(k, dtype=np.int32), np.empty(k)
+        n = nearest_free(self.roadmap.neurons_rad, blocked, q, index, distance)
+        return index[:n], distance[:n]
+
+    def _search_connected(self, world: World, leaving: Leaving | None, q_start: F64, q_goal: F64, search: str) -> I32 | None:
+        counts = world.counts
+        start, start_cost = self._nearest(counts.node, q_start, N_CONNECTIONS)
+        goal, goal_cost = self._nearest(counts.node, q_goal, N_CONNECTIONS)
+        start_known, goal_known = np.zeros(len(start), dtype=bool), np.zeros(len(goal), dtype=bool)
+        for _ in range(2 * MAX_ROUNDS):
+            neurons = self._search(counts.node, counts.edge, start, start_cost, goal, goal_cost, q_goal, search)
+            if neurons is None:
+                return None
+            i = int(np.flatnonzero(start == neurons[0])[0])
+            k = int(np.flatnonzero(goal == neurons[-1])[0])
+            start_ok = bool(start_known[i]) or self._joins(world, leaving, q_start, self.roadmap.neurons_rad[start[i]])
+            goal_ok = bool(goal_known[k]) or self.checker.segment(world.cells, self.roadmap.neurons_rad[goal[k]], q_goal)
+            start_known[i], goal_known[k] = start_ok, goal_ok
+            if start_ok and goal_ok:
+                return neurons
+            if not start_ok:
+                start_cost[i] = np.inf
+            if not goal_ok:
+                goal_cost[k] = np.inf
+        return None
+
+    def _search(
+        self, node_count: I32, edge_count: I32, start: I32, start_cost: F64, goal: I32, goal_cost: F64, q_goal: F64, search: str
+    ) -> I32 | None:
+        r = self.roadmap
+        if search == "wavefront":
+            n, _, _ = breadth_first(
+                r.adj_offset, r.adj_node, r.adj_edge, node_count, edge_count, start, start_cost, goal, goal_cost,
+                self._level, self._parent, self._queue, self._path,
+            )  # fmt: skip
+        else:
+            n, _, _ = best_first(
+                r.neurons_rad, r.adj_offset, r.adj_node, r.adj_edge, r.adj_length, node_count, edge_count, start, start_cost, goal, goal_cost,
+                q_goal, search == "astar", self._cost, self._parent, self._heap_key, self._heap_node, self._path,
+            )  # fmt: skip
+        return None if n == NOT_FOUND else self._path[:n].copy()
+
+    def _cut_corners(self, world: World, path: F64, checks: int) -> F64:
+        """Skip points from the start on: the farthest point that a free straight segment reaches, by halving; bounded by ``checks``."""
+        kept = [0]
+        while kept[-1] < len(path) - 1:
+            here, ahead = kept[-1], len(path) - 1
+            while ahead > here + 1:
+                if checks <= 0:
+                    ahead = here + 1
+                    break
+                checks -= 1
+                if self.checker.segment(world.cells, path[here], path[ahead]):
+                    break
+                ahead = here + max(1, (ahead - here) // 2)
+            kept.append(ahead)
+        return path[kept]

@@ -1,0 +1,186 @@
+"""The lookup table: cell -> neurons, cell -> edges (beyond their ends' cells), and the live counts that say what is blocked.
+
+The table is a dynamic roadmap's (Leven and Hutchinson 2002) on learned nodes. It is immutable; :class:`BlockedCounts` is the state of one
+world (the live one, or that of a question) on top of it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geometry.grid import Grid
+from services.planner.kernels.collision import Arm
+from services.planner.kernels.lookup import add_to_counts, count_rows, edge_extra_cells, fill_rows, node_cells
+
+__all__ = ["BlockedCounts", "LookupTable", "build_table", "cells_of_pose", "difference"]
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+I64 = NDArray[np.int64]
+
+CHUNK = 256  # neurons or edges a kernel call; progress is reported between
+MAX_CELLS_A_POSE = 20_000  # our choice; a UR3 pose sweeps about 2 000 cells of 2 cm
+Progress = Callable[[int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class LookupTable:
+    """Rows of owners by cell, for neurons and for edges.
+
+    Attributes:
+        node_offset, node_owner: row c of cell c is ``node_owner[node_offset[c]:node_offset[c + 1]]``; offsets (n_cells + 1,) int64,
+            owners uint16 (uint32 beyond 65 535 neurons), ascending within a row.
+        edge_offset, edge_owner: the same for edges; an edge's row holds only what it sweeps beyond its two ends (uint16 or uint32).
+        unavoidable: (U,) int32 ascending cells that every neuron sweeps; they are in no row, since no path could ever avoid them.
+    """
+
+    node_offset: I64
+    node_owner: NDArray[Any]
+    edge_offset: I64
+    edge_owner: NDArray[Any]
+    unavoidable: I32
+
+    @property
+    def n_bytes(self) -> int:
+        """Bytes of all arrays."""
+        return sum(a.nbytes for a in (self.node_offset, self.node_owner, self.edge_offset, self.edge_owner, self.unavoidable))
+
+    def neurons_of(self, cell: int) -> NDArray[Any]:
+        """Neurons that the cell blocks, ascending."""
+        return self.node_owner[self.node_offset[cell] : self.node_offset[cell + 1]]
+
+    def edges_of(self, cell: int) -> NDArray[Any]:
+        """Edges that the cell blocks beyond those whose ends it blocks, ascending."""
+        return self.edge_owner[self.edge_offset[cell] : self.edge_offset[cell + 1]]
+
+
+def build_table(
+    arm: Arm, grid: Grid, neurons_rad: F64, edges: I32, *, safety_m: float, step_m: float, progress: Progress | None = None
+) -> LookupTable:
+    """The table of a map.
+
+    Args:
+        arm: the arm as the checks see it.
+        grid: the cells.
+        neurons_rad: (N, J).
+        edges: (M, 2) neuron indices.
+        safety_m: inflation of the moving bodies.
+        step_m: farthest that any point of the arm moves between two samples of an edge.
+        progress: called with (done, total) now and then.
+    """
+    total = len(neurons_rad) + len(edges)
+    geometry = (np.asarray(grid.origin_m), np.asarray(grid.shape, dtype=np.int64), grid.resolution_m, safety_m)
+    stamp = np.full(grid.n_cells, -1, dtype=np.int64)
+
+    def run_nodes(part: NDArray[Any], first: int, out: I32, offset: I64) -> int:
+        return int(node_cells(arm, *geometry, part, first, stamp, out, offset))
+
+    def report(done: int) -> None:
+        if progress is not None:
+            progress(done, total)
+
+    node_offset, node_cell = _rows(run_nodes, neurons_rad, 0, report)
+
+    def run_edges(part: NDArray[Any], first: int, out: I32, offset: I64) -> int:
+        return int(edge_extra_cells(arm, *geometry, step_m, neurons_rad, part, node_offset, node_cell, first, stamp, out, offset))
+
+    edge_offset, edge_cell = _rows(run_edges, edges, len(neurons_rad), report)
+    counts = np.zeros(grid.n_cells, dtype=np.int64)
+    count_rows(node_cell, counts)
+    unavoidable = np.flatnonzero(counts == len(neurons_rad)).astype(np.int32) if len(neurons_rad) else np.empty(0, dtype=np.int32)
+    return LookupTable(
+        *_transpose(node_offset, node_cell, grid.n_cells, unavoidable),
+        *_transpose(edge_offset, edge_cell, grid.n_cells, unavoidable),
+        unavoidable=unavoidable,
+    )
+
+
+def _rows(
+    run: Callable[[NDArray[Any], int, I32, I64], int], items: NDArray[Any], first_mark: int, report: Callable[[int], None]
+) -> tuple[I64, I32]:
+    """Owner -> cells of all items, chunk by chunk: offsets (n + 1,) and flat cells."""
+    buffer = np.empty(CHUNK * MAX_CELLS_A_POSE, dtype=np.int32)
+    offset = np.zeros(len(items) + 1, dtype=np.int64)
+    parts: list[I32] = []
+    done = 0
+    while done < len(items):
+        part = items[done : done + CHUNK]
+        local = np.zeros(len(part) + 1, dtype=np.int64)
+        n = run(part, first_mark + done, buffer, local)
+        if n == 0:
+            raise ValueError(f"one pose or edge sweeps more than {len(buffer)} cells: the cells are too small for this arm")
+        parts.append(buffer[: local[n]].copy())
+        offset[done + 1 : done + n + 1] = offset[done] + local[1 : n + 1]
+        done += n
+        report(first_mark + done)
+    return offset, np.concatenate(parts) if parts else np.empty(0, dtype=np.int32)
+
+
+def _transpose(offset: I64, cells: I32, n_cells: int, without: I32) -> tuple[I64, NDArray[Any]]:
+    counts = np.zeros(n_cells, dtype=np.int64)
+    count_rows(cells, counts)
+    row_offset = np.concatenate([[0], np.cumsum(counts)])
+    owner = np.empty(len(cells), dtype=np.uint16 if len(offset) - 1 <= 0xFFFF else np.uint32)
+    fill_rows(offset, cells, 0, row_offset[:-1].copy(), owner)
+    if len(without) == 0:
+        return row_offset, owner
+    keep = np.ones(len(owner), dtype=bool)
+    for cell in without:
+        keep[row_offset[cell] : row_offset[cell + 1]] = False
+    counts[without] = 0
+    return np.concatenate([[0], np.cumsum(counts)]), owner[keep]
+
+
+def cells_of_pose(arm: Arm, grid: Grid, q_rad: F64, *, safety_m: float) -> I32:
+    """(C,) ascending cells that block one pose (J,): a neuron's row, made on demand; unavoidable ones included."""
+    out, offset = np.empty(MAX_CELLS_A_POSE, dtype=np.int32), np.zeros(2, dtype=np.int64)
+    stamp = np.full(grid.n_cells, -1, dtype=np.int64)
+    shape = np.asarray(grid.shape, dtype=np.int64)
+    if node_cells(arm, np.asarray(grid.origin_m), shape, grid.resolution_m, safety_m, q_rad[None], 0, stamp, out, offset) == 0:
+        raise ValueError(f"one pose sweeps more than {MAX_CELLS_A_POSE} cells: the cells are too small for this arm")
+    return out[: offset[1]].copy()
+
+
+def difference(before: I32, after: I32) -> tuple[I32, I32]:
+    """Cells that appeared and cells that went, of two ascending sets (C,)."""
+    return np.setdiff1d(after, before, assume_unique=True), np.setdiff1d(before, after, assume_unique=True)
+
+
+class BlockedCounts:
+    """How many occupied cells block each neuron and each edge: the map's view of one world.
+
+    A neuron is blocked while its count is above zero; an edge while its own count or that of one of its ends is.
+    """
+
+    def __init__(self, table: LookupTable, n_neurons: int, n_edges: int) -> None:
+        self._table = table
+        self.node = np.zeros(n_neurons, dtype=np.int32)
+        self.edge = np.zeros(n_edges, dtype=np.int32)
+        self.cells: I32 = np.empty(0, dtype=np.int32)
+
+    def set_cells(self, cells: I32) -> tuple[I32, I32]:
+        """Make ``cells`` (ascending, unique) the occupied ones; cost follows the difference. Returns (appeared, gone)."""
+        appeared, gone = difference(self.cells, cells)
+        table = self._table
+        for changed, sign in ((appeared, 1), (gone, -1)):
+            add_to_counts(changed, sign, table.node_offset, table.node_owner, self.node)
+            add_to_counts(changed, sign, table.edge_offset, table.edge_owner, self.edge)
+        self.cells = cells
+        return appeared, gone
+
+    @property
+    def n_blocked(self) -> int:
+        """Number of blocked neurons."""
+        return int(np.count_nonzero(self.node))
+
+    def without(self, cells: I32) -> BlockedCounts:
+        """A copy in which ``cells`` (a subset of the occupied ones) count as empty."""
+        copy = BlockedCounts(self._table, 0, 0)
+        copy.node, copy.edge, copy.cells = self.node.copy(), self.edge.copy(), self.cells
+        copy.set_cells(np.setdiff1d(self.cells, cells, assume_unique=True))
+        return copy

@@ -1,0 +1,173 @@
+"""From a path to a motion that may be sent: smoothed, timed from the splice state, and the timed curve itself proven free."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.robot.trajectory import JointTrajectory
+from services.planner.core.find import FoundPath, NotFound, PathFinder, Rules
+from services.planner.core.smoothing import Nurbs, candidates
+from services.planner.core.timing import Limits, time_curve, time_polyline
+from services.planner.core.world import World
+from services.planner.kernels.collision import FREE
+
+__all__ = ["AT_REST_RAD_S", "Ask", "Motion", "MotionPlanner", "Stopwatch"]
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+Clock = Callable[[], int]
+
+AT_REST_RAD_S = 1e-3  # a start slower than this is a start from rest; our choice
+LEADS = (1.1, 1.8)  # lead-in as a multiple of the braking distance along the velocity; 1 would be just enough to stop at its end
+SAME_PLACE_RAD = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Ask:
+    """A question.
+
+    Attributes:
+        q_start, q_goal: (J,) rad.
+        velocity_start: (J,) rad/s of an arm in motion, None at rest.
+        rules, search: see :mod:`services.planner.core.find`.
+        smooth: False drives the raw path with a stop at each corner.
+        speed_scale: factor on the planned speed, 0..1.
+    """
+
+    q_start: F64
+    q_goal: F64
+    velocity_start: F64 | None = None
+    rules: Rules = "checked"
+    search: str = "dijkstra"
+    smooth: bool = True
+    speed_scale: float = 1.0
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """An answer that may be driven.
+
+    Attributes:
+        curve: the timed curve, checked as it is.
+        path: what the search found.
+        smoothing: name of the level that was accepted.
+        length_rad: joint length of the curve.
+        fell_back: no smooth curve was free; the arm stops at each corner.
+    """
+
+    curve: JointTrajectory
+    path: FoundPath
+    smoothing: str
+    length_rad: float
+    fell_back: bool
+
+
+@dataclass
+class Stopwatch:
+    """Milliseconds by stage. The clock is an argument, so that the cores never ask for the time themselves."""
+
+    clock_ns: Clock
+    ms: dict[str, float] = field(default_factory=dict)
+
+    def add(self, stage: str, since_ns: int) -> int:
+        """Add the time since ``since_ns`` to a stage; returns now."""
+        now_ns = self.clock_ns()
+        self.ms[stage] = self.ms.get(stage, 0.0) + (now_ns - since_ns) / 1e6
+        return now_ns
+
+
+class MotionPlanner:
+    """Answers questions on one roadmap. One per thread."""
+
+    def __init__(self, finder: PathFinder, limits: Limits, *, shortcut_checks: int) -> None:
+        self.finder = finder
+        self.checker = finder.checker
+        self._limits = limits
+        self._shortcut_checks = shortcut_checks
+
+    def answer(self, world: World, ask: Ask, watch: Stopwatch) -> Motion | NotFound:
+        """Find, smooth, time and check; stages of ``watch``: search, smooth, time, verify."""
+        limits = self._limits.scaled(ask.speed_scale, 1.0)
+        velocity = ask.velocity_start
+        if velocity is None or float(np.abs(velocity).max()) < AT_REST_RAD_S:
+            return self._from(world, ask, None, ask.q_start, limits, watch)
+        outcome: Motion | NotFound = NotFound("no_path", "the arm cannot leave its velocity in time")
+        for factor in LEADS:
+            lead = ask.q_start + self._lead_in(velocity, factor)
+            if not self.checker.segment(world.cells, ask.q_start, lead):
+                break
+            outcome = self._from(world, ask, velocity, lead, limits, watch)
+            if isinstance(outcome, Motion) and not outcome.fell_back:
+                return outcome
+        return outcome
+
+    def _lead_in(self, velocity: F64, factor: float) -> F64:
+        """The way (J,) along ``velocity`` in which the arm could just stop, times ``factor``.
+
+        Along a straight line each joint brakes in proportion; the joint that runs out of acceleration first bounds the path's: |v|^2 / (2 a).
+        """
+        speed = float(np.linalg.norm(velocity))
+        direction = velocity / speed
+        deceleration = float(np.min(self._limits.acceleration / np.maximum(np.abs(direction), 1e-9)))
+        return np.asarray(direction * (factor * speed**2 / (2.0 * deceleration)))
+
+    def _from(self, world: World, ask: Ask, velocity: F64 | None, q_from: F64, limits: Limits, watch: Stopwatch) -> Motion | NotFound:
+        """A motion that leaves ``ask.q_start`` (with ``velocity``, straight to ``q_from``) and goes on from there by the map."""
+        began = watch.clock_ns()
+        found = self.finder.find(
+            world, q_from, ask.q_goal, rules=ask.rules, search=ask.search, shortcut_checks=self._shortcut_checks if ask.smooth else 0
+        )
+        watch.add("search", began)
+        if isinstance(found, NotFound):
+            return found
+        path = found.q_rad if velocity is None else np.vstack([ask.q_start, found.q_rad])
+        path = path[np.concatenate([[True], np.linalg.norm(np.diff(path, axis=0), axis=1) > SAME_PLACE_RAD])]
+        if len(path) == 1:
+            here = JointTrajectory(np.zeros(1), path.copy(), np.zeros_like(path))
+            return Motion(here, found, "already there", 0.0, False)
+        return self._drive(world, ask, found, path, velocity, limits, watch)
+
+    def _drive(
+        self, world: World, ask: Ask, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch
+    ) -> Motion | NotFound:
+        began = watch.clock_ns()
+        for curve in candidates(path, lead_in=velocity is not None) if ask.smooth else ():
+            began = watch.add("smooth", began)
+            timed = time_curve(curve, limits, velocity)
+            began = watch.add("time", began)
+            if timed is None:
+                continue
+            free = self._accepted(world, ask.rules, found, curve, timed)
+            began = watch.add("verify", began)
+            if free:
+                return Motion(timed, found, curve.name, _length(timed), False)
+        timed = time_polyline(path, limits, velocity)
+        began = watch.add("time", began)
+        if timed is None:
+            return NotFound("no_path", "the arm is too fast to leave its way here")
+        free = ask.rules == "paper" or self._is_free(world, found, timed)
+        watch.add("verify", began)
+        if not free:
+            return NotFound("no_path", "no curve along the way is free")
+        return Motion(timed, found, "stop at each corner", _length(timed), ask.smooth)
+
+    def _accepted(self, world: World, rules: Rules, found: FoundPath, curve: Nurbs, timed: JointTrajectory) -> bool:
+        """The paper accepts a smoothed path if its best matches are free; ``checked`` checks the very curve that is sent."""
+        if rules == "checked":
+            return self._is_free(world, found, timed)
+        points = curve(np.linspace(0.0, 1.0, max(2, 4 * len(found.q_rad))))
+        return all(world.counts.node[self.finder.best_match(q)] == 0 for q in points)
+
+    def _is_free(self, world: World, found: FoundPath, timed: JointTrajectory) -> bool:
+        leaving = found.leaving
+        if leaving is None:
+            return self.checker.curve(world.cells, timed)[0] == FREE
+        return self.checker.curve(leaving.rest.cells, timed)[0] == FREE and leaving.leads_out(self.checker, timed.q_rad)
+
+
+def _length(curve: JointTrajectory) -> float:
+    return float(np.linalg.norm(np.diff(curve.q_rad, axis=0), axis=1).sum())

@@ -1,0 +1,374 @@
+"""The reflex: from goals, cells and the arm's state to trajectories, by the replan rules. Pure: instants are arguments.
+
+The shell (:mod:`services.planner.service`) feeds what came in and sends what comes out. A replay that feeds the same inputs at the same
+instants gets the same bytes out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.robot.trajectory import JointTrajectory
+from services.planner.config import PlannerConfig
+from services.planner.core.find import NotFound
+from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
+from services.planner.core.replan import Action, ReplanRules, ShorterWay, View
+from services.planner.core.timing import Limits, brake
+from services.planner.core.underway import ArmState, Sent, Underway
+from services.planner.core.vision import Vision
+
+__all__ = ["Event", "Goal", "Reflex", "Report"]
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+AT_GOAL_RAD = 2e-3  # the reference ends on the goal to rounding; this is a tenth of the tracking error allowed
+STOP_LEAD_S = 0.02  # a stop leaves the running motion so much later: transport and two control cycles
+BRANCHES_IN_MOTION = 3  # inverse-kinematics branches tried while the arm moves; all of them when it stands
+
+
+@dataclass(frozen=True, eq=False)
+class Goal:
+    """Where to go: any of ``branches_rad`` (B, J), the joint vectors that reach the same pose, is as good."""
+
+    id: str
+    branches_rad: F64
+    speed_scale: float
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something worth telling."""
+
+    kind: str
+    goal_id: str | None = None
+    facts: dict[str, Any] = field(default_factory=dict)
+
+
+@dataclass
+class Report:
+    """What the planner says of itself."""
+
+    state: str = "idle"
+    reason: str = ""
+    rule: str | None = None
+    timing_ms: dict[str, float] = field(default_factory=dict)
+    path_length_rad: float | None = None
+    path_neurons: int | None = None
+    reaction_ms: float | None = None
+    replans: int = 0
+    accepted: int = 0
+    smoothing_fallbacks: int = 0
+
+
+class Reflex:
+    """One arm's planner: holds the goal, what is under way and what is seen.
+
+    Args:
+        planner: answers questions.
+        vision: the live cells.
+        limits: for stops.
+        config: rules and times.
+        clock_ns: for timings alone.
+        name: prefix of trajectory ids, unique per start of the process.
+    """
+
+    def __init__(self, planner: MotionPlanner, vision: Vision, limits: Limits, config: PlannerConfig, clock_ns: Any, name: str) -> None:
+        self._planner = planner
+        self.checker = planner.checker
+        self.vision = vision
+        self._limits = limits
+        self._config = config
+        self._clock_ns = clock_ns
+        self._name = name
+        replan = config.replan
+        self._rules = ReplanRules(replan.tick_s)
+        self._shorter = ShorterWay(
+            share=replan.shorter_share, least_rad=replan.shorter_rad, stable_s=replan.shorter_stable_s, corridor_rad=replan.corridor_rad
+        )
+        self.underway = Underway()
+        self.goal: Goal | None = None
+        self.report = Report()
+        self._arm: ArmState | None = None
+        self._seen_s = -np.inf
+        self._frame_utc_ns = 0
+        self._voxels_seq = 0
+        self._cells_changed = False
+        self._blocked_at_s: float | None = None
+        self._n_sent = 0
+        self._events: list[Event] = []
+        self._outbox: list[Sent] = []
+
+    # --- inputs ---
+
+    def set_goal(self, goal: Goal) -> None:
+        """A new goal replaces the old one, also in motion."""
+        self.goal = goal
+        self._shorter.forget()
+        self._rules.now_or_never()
+        self.report.state, self.report.reason = "planning", ""
+        self._events.append(Event("goal_accepted", goal.id, {"branches": len(goal.branches_rad)}))
+
+    def cancel(self) -> None:
+        """Give up the goal; an arm in motion is stopped by the next step."""
+        if self.goal is not None:
+            self._events.append(Event("goal_cancelled", self.goal.id))
+        self.goal = None
+        self.report.state, self.report.reason = "idle", ""
+
+    def hear(self, arm: ArmState, now_s: float) -> None:
+        """The arm's newest state."""
+        self._arm = arm
+        before = self.underway.sent
+        accepted = self.underway.hear(arm, now_s)
+        if accepted is not None:
+            self._note_accepted(accepted, arm)
+        if self.underway.sent is not before:
+            self._blocked_at_s = None
+            if self.underway.sent is None:
+                self._rules.now_or_never()
+
+    def see(self, now_s: float, exposure_s: float, cells: I32, seq: int, published_utc_ns: int) -> None:
+        """A frame of occupied cells (C,), ascending and unique; ``exposure_s`` its newest exposure on our clock."""
+        began = self._clock_ns()
+        self._seen_s = exposure_s
+        self._voxels_seq = seq
+        self._cells_changed |= self.vision.see(now_s, cells)
+        self._frame_utc_ns = published_utc_ns
+        self.report.timing_ms["update"] = (self._clock_ns() - began) / 1e6
+
+    # --- the step ---
+
+    def step(self, now_s: float) -> tuple[list[Sent], list[Event]]:
+        """Decide and act; returns what to send and what to tell."""
+        if self._arm is not None:
+            self._act(now_s, self._arm)
+        self._cells_changed = False
+        out, self._outbox = self._outbox, []
+        events, self._events = self._events, []
+        return out, events
+
+    @property
+    def voxels_seq(self) -> int:
+        """Sequence number of the newest frame."""
+        return self._voxels_seq
+
+    def _act(self, now_s: float, arm: ArmState) -> None:
+        self._watch_the_way(now_s, arm)
+        view = self._view(now_s, arm)
+        action = self._rules.decide(view)
+        if action is Action.PLAN:
+            self._plan_from_rest(now_s, arm)
+        elif action is Action.DODGE:
+            if not self._splice(now_s, arm, "none" if view.to_other_goal else "blocked"):
+                action = self._rules.after_failed_dodge(view)
+        elif action is Action.COMPARE:
+            self._compare(now_s, arm)
+        elif action is Action.ARRIVED:
+            self._arrive()
+        if action is Action.STOP:
+            self._stop(now_s, arm, view.protective)
+        self._tell_state(view)
+
+    def _view(self, now_s: float, arm: ArmState) -> View:
+        sent, goal = self.underway.sent, self.goal
+        at_goal = goal is not None and bool(np.any(np.abs(goal.branches_rad - arm.q_reference_rad).max(axis=1) < AT_GOAL_RAD))
+        blocked_in = None
+        if sent is not None and self._blocked_at_s is not None:
+            blocked_in = self._blocked_at_s - self.underway.time_s(arm, now_s)
+        return View(
+            now_s=now_s,
+            has_goal=goal is not None,
+            seeing=now_s - self._seen_s <= self._config.replan.stale_s,
+            moving=sent is not None,
+            stopping=sent is not None and sent.kind == "stop",
+            at_goal=at_goal and arm.standing,
+            to_other_goal=sent is not None and goal is not None and sent.kind == "motion" and sent.goal_id != goal.id,
+            blocked_in_s=blocked_in,
+            stop_needs_s=self._braking_s(arm) + self._config.replan.stop_margin_s + STOP_LEAD_S,
+            cells_changed=self._cells_changed,
+            protective=self.vision.protective,
+        )
+
+    def _braking_s(self, arm: ArmState) -> float:
+        """Time in which the arm could stand, joint by joint v / a; along a path it may take a little longer."""
+        return float(np.max(np.abs(arm.dq_reference_rad_s) / self._limits.acceleration))
+
+    def _watch_the_way(self, now_s: float, arm: ArmState) -> None:
+        """Whether what is under way is still free; only what has changed is looked at."""
+        sent = self.underway.sent
+        if sent is None or sent.kind == "stop" or not self._cells_changed:
+            return
+        from_s = max(0.0, self.underway.time_s(arm, now_s))
+        if self._config.rules == "paper":
+            path = sent.motion.path.neurons if sent.motion is not None else np.empty(0, dtype=np.int32)
+            blocked = np.any(self.vision.counts.node[path] > 0)
+            self._blocked_at_s = self._first_blocked(sent, from_s) if blocked else None
+            return
+        met = self.checker.curve_meets(self.vision.appeared, sent.curve, from_s=from_s)
+        horizon = self._braking_s(arm) + self._config.replan.splice_budget_s
+        room = self._config.replan.hand_speed_m_s * horizon
+        near = self.checker.curve_meets(self.vision.recent(now_s), sent.curve, from_s=from_s, to_s=from_s + horizon, room_m=room)
+        times = [t for t in (met, near, self._still_blocked(sent, from_s)) if t is not None]
+        self._blocked_at_s = min(times) if times else None
+
+    def _still_blocked(self, sent: Sent, from_s: float) -> float | None:
+        """A way that was blocked before may have become free again: all cells are looked at."""
+        if self._blocked_at_s is None:
+            return None
+        return self._first_blocked(sent, from_s)
+
+    def _first_blocked(self, sent: Sent, from_s: float) -> float | None:
+        return self.checker.curve_meets(self.vision.world.cells, sent.curve, from_s=from_s)
+
+    # --- actions ---
+
+    def _plan_from_rest(self, now_s: float, arm: ArmState) -> None:
+        answer, q_goal = self._ask(arm.q_reference_rad, None, len(self.goal.branches_rad) if self.goal else 0)
+        if isinstance(answer, NotFound):
+            self._no_way(answer)
+            return
+        start_s = now_s + self._config.replan.splice_budget_s
+        self._send_motion(answer, q_goal, now_s, start_s, "none", None)
+
+    def _splice(self, now_s: float, arm: ArmState, rule: str) -> bool:
+        """Leave the motion under way for a new one, a budget from now; False if there is no such way."""
+        splice = self._splice_state(now_s, arm)
+        if splice is None:
+            return False
+        at_s, q, dq = splice
+        answer, q_goal = self._ask(q, dq, BRANCHES_IN_MOTION)
+        if isinstance(answer, NotFound):
+            self._no_way(answer)
+            return False
+        self._send_motion(answer, q_goal, now_s, now_s + (at_s - self._time_s(arm, now_s)), rule, at_s)
+        return True
+
+    def _compare(self, now_s: float, arm: ArmState) -> None:
+        splice = self._splice_state(now_s, arm)
+        if splice is None or self.underway.sent is None:
+            return
+        at_s, q, dq = splice
+        answer, q_goal = self._ask(q, dq, 1)
+        if isinstance(answer, NotFound):
+            self._shorter.forget()
+            return
+        middle = answer.curve.sample(answer.curve.duration_s / 2.0)[0]
+        if self._shorter.offer(now_s, answer.length_rad, self.underway.remaining(at_s), middle):
+            self._send_motion(answer, q_goal, now_s, now_s + (at_s - self._time_s(arm, now_s)), "shorter", at_s)
+            self._shorter.forget()
+
+    def _splice_state(self, now_s: float, arm: ArmState) -> tuple[float, F64, F64] | None:
+        """Time, position and velocity on the motion under way a budget from now; None when the way up to there is not free."""
+        sent = self.underway.sent
+        assert sent is not None
+        at_s = self._time_s(arm, now_s) + self._config.replan.splice_budget_s
+        if at_s < 0.0 or at_s >= sent.curve.duration_s or (self._blocked_at_s is not None and self._blocked_at_s <= at_s):
+            return None
+        q, dq, _ = sent.curve.sample(at_s)
+        return at_s, q, dq
+
+    def _time_s(self, arm: ArmState, now_s: float) -> float:
+        return self.underway.time_s(arm, now_s)
+
+    def _ask(self, q: F64, dq: F64 | None, branches: int) -> tuple[Motion | NotFound, F64]:
+        """The first of the nearest goal branches that has an answer; the nearest one's refusal if none has."""
+        assert self.goal is not None
+        watch = Stopwatch(self._clock_ns)
+        began = self._clock_ns()
+        near_first = self.goal.branches_rad[np.argsort(np.linalg.norm(self.goal.branches_rad - q, axis=1), kind="stable")]
+        first: NotFound | None = None
+        for q_goal in near_first[: max(1, branches)]:
+            ask = Ask(q, q_goal, dq, self._config.rules, self._config.search, self._config.smoothing.smooth, self.goal.speed_scale)
+            answer = self._planner.answer(self.vision.world, ask, watch)
+            if isinstance(answer, Motion):
+                break
+            first = first or answer
+        watch.add("total", began)
+        self.report.timing_ms = {"update": self.report.timing_ms.get("update", 0.0), **watch.ms}
+        return (answer if isinstance(answer, Motion) or first is None else first), q_goal
+
+    def _send_motion(self, motion: Motion, q_goal: F64, now_s: float, start_s: float, rule: str, splice_s: float | None) -> None:
+        assert self.goal is not None
+        before = self.underway.sent
+        splice = (before.id, splice_s) if before is not None and splice_s is not None else None
+        cause = self._frame_utc_ns if self._cells_changed else 0
+        self._send(Sent(self._next_id(), "motion", self.goal.id, motion.curve, start_s, now_s, motion, q_goal, rule, cause, splice))
+        self.report.rule = rule
+        self.report.path_length_rad = motion.length_rad
+        self.report.path_neurons = len(motion.path.neurons)
+        self.report.smoothing_fallbacks += motion.fell_back
+        self.report.reason = ""
+
+    def _stop(self, now_s: float, arm: ArmState, why: str) -> None:
+        sent = self.underway.sent
+        assert sent is not None
+        from_s = self._time_s(arm, now_s) + STOP_LEAD_S
+        if from_s < 0.0:
+            from_s = 0.0
+        within = np.inf
+        if self._blocked_at_s is not None:
+            within = max(0.0, self._blocked_at_s - from_s - self._config.replan.stop_margin_s)
+        curve: JointTrajectory = brake(sent.curve, from_s, self._limits, within)
+        reason = why or self.report.reason or "the way ahead is blocked"
+        start_s = now_s + (from_s - self._time_s(arm, now_s))
+        goal_id = sent.goal_id
+        cause = self._frame_utc_ns if self._cells_changed else 0
+        self._send(Sent(self._next_id(), "stop", goal_id, curve, start_s, now_s, None, None, "blocked", cause, (sent.id, from_s)))
+        self._events.append(Event("stopped", goal_id, {"reason": reason}))
+
+    def _send(self, sent: Sent) -> None:
+        self.underway.send(sent)
+        self._blocked_at_s = None
+        self._outbox.append(sent)
+
+    def _next_id(self) -> str:
+        self._n_sent += 1
+        return f"{self._name}-{self._n_sent}"
+
+    def _no_way(self, why: NotFound) -> None:
+        if self.report.reason != why.reason and self.goal is not None:
+            self._events.append(Event("blocked", self.goal.id, {"outcome": why.outcome, "reason": why.reason}))
+        self.report.reason = why.reason
+
+    def _arrive(self) -> None:
+        assert self.goal is not None
+        self._events.append(Event("goal_reached", self.goal.id))
+        self.goal = None
+        self._shorter.forget()
+
+    def _note_accepted(self, sent: Sent, arm: ArmState) -> None:
+        report = self.report
+        report.accepted += 1
+        if sent.kind != "motion" or sent.motion is None:
+            return
+        if sent.cause_utc_ns and sent.rule == "blocked":
+            report.reaction_ms = (arm.accepted_utc_ns - sent.cause_utc_ns) / 1e6
+        if sent.splice is not None or sent.rule != "none":
+            report.replans += 1
+            facts = {"rule": sent.rule, "reaction_ms": report.reaction_ms if sent.rule == "blocked" else None}
+            facts |= {"timing_ms": dict(report.timing_ms), "smoothing": sent.motion.smoothing, "length_rad": sent.motion.length_rad}
+            self._events.append(Event("replanned", sent.goal_id, facts))
+
+    def _tell_state(self, view: View) -> None:
+        report, sent = self.report, self.underway.sent
+        was = report.state
+        if view.has_goal and not view.seeing:
+            report.state, report.reason = "stale", "no fresh frame of cells"
+        elif self.goal is None:
+            report.state, report.reason = "idle", ""
+        elif view.protective:
+            report.state, report.reason = "blocked", view.protective
+        elif sent is not None and sent.kind == "motion":
+            report.state = "executing"
+        elif self.underway.refused_reason:
+            report.state, report.reason = "blocked", f"robot: {self.underway.refused_reason}"
+        elif report.reason:
+            report.state = "blocked"
+        else:
+            report.state = "planning"
+        if report.state == "stale" and was != "stale":
+            self._events.append(Event("stale", self.goal.id if self.goal else None))

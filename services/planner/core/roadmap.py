@@ -1,0 +1,68 @@
+"""A cognitive map as a graph for the search kernels: adjacency in rows, lengths, scratch."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.lookup import LookupTable
+
+__all__ = ["Roadmap"]
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+I64 = NDArray[np.int64]
+
+
+@dataclass(frozen=True, eq=False)
+class Roadmap:
+    """Neurons, edges and table of one map, immutable.
+
+    Attributes:
+        neurons_rad: (N, J). edges: (M, 2) int32, lower neuron first.
+        adj_offset: (N + 1,) rows of neighbours; adj_node, adj_edge (2 M,) neighbour and edge index; adj_length (2 M,) rad.
+        table: which cells block what.
+        model: name of the model that learned it (``gng``).
+    """
+
+    neurons_rad: F64
+    edges: I32
+    adj_offset: I64
+    adj_node: I32
+    adj_edge: I32
+    adj_length: F64
+    table: LookupTable
+    model: str
+
+    @staticmethod
+    def of(learned: CognitiveMap, table: LookupTable, model: str) -> Roadmap:
+        """The graph of a map and its table."""
+        n, m = learned.n_neurons, len(learned.edges)
+        ends = np.concatenate([learned.edges, learned.edges[:, ::-1]])
+        edge = np.concatenate([np.arange(m), np.arange(m)]).astype(np.int32)
+        order = np.lexsort((ends[:, 1], ends[:, 0]))
+        offset = np.concatenate([[0], np.cumsum(np.bincount(ends[:, 0], minlength=n))]).astype(np.int64)
+        length = learned.edge_length_rad
+        return Roadmap(
+            neurons_rad=np.ascontiguousarray(learned.q_rad),
+            edges=learned.edges,
+            adj_offset=offset,
+            adj_node=np.ascontiguousarray(ends[order, 1], dtype=np.int32),
+            adj_edge=edge[order],
+            adj_length=length[edge[order]],
+            table=table,
+            model=model,
+        )
+
+    @property
+    def n_neurons(self) -> int:
+        """Number of neurons."""
+        return len(self.neurons_rad)
+
+    @property
+    def n_edges(self) -> int:
+        """Number of edges."""
+        return len(self.edges)

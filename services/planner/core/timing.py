@@ -1,0 +1,138 @@
+"""Time along a curve within joint limits, as knots of the interpolant that is checked and driven; and braking along it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.robot.trajectory import JointTrajectory
+from services.planner.core.smoothing import Nurbs
+from services.planner.kernels.timing import fastest_profile
+
+__all__ = ["Limits", "brake", "limit_ratio", "time_curve", "time_polyline"]
+
+F64 = NDArray[np.float64]
+GRID_STEP_RAD = 0.03  # joint way between grid points, which become the knots; our choice: a quarter of an edge of the map
+ROUNDING = 1e-6  # a motion at its limit is not over it
+GRID_POINTS_MIN, GRID_POINTS_MAX = 24, 400
+KNOT_S = 0.02  # knots of a stop; our choice: a Hermite piece of 20 ms follows the braked motion to 1e-4 rad
+TIGHTEN = (1.0, 0.92, 0.84, 0.7, 0.5)  # of the acceleration limits, until the Hermite curve between the knots keeps them too
+
+
+@dataclass(frozen=True, eq=False)
+class Limits:
+    """Joint limits (J,) in rad/s and rad/s^2 that a timed curve keeps."""
+
+    velocity: F64
+    acceleration: F64
+
+    def scaled(self, velocity: float, acceleration: float) -> Limits:
+        """Both limits times a factor."""
+        return Limits(self.velocity * velocity, self.acceleration * acceleration)
+
+
+def time_curve(curve: Nurbs, limits: Limits, velocity_start: F64 | None = None) -> JointTrajectory | None:
+    """The fastest motion along ``curve`` within ``limits``, ending at rest; None if it cannot be entered at ``velocity_start``.
+
+    Args:
+        curve: over 0..1.
+        limits: kept by the Hermite curve through the returned knots, not only at them.
+        velocity_start: (J,) rad/s, along the curve's first tangent; None = from rest.
+    """
+    coarse = curve(np.linspace(0.0, 1.0, 50))
+    length = float(np.linalg.norm(np.diff(coarse, axis=0), axis=1).sum())
+    n = int(np.clip(np.ceil(length / GRID_STEP_RAD), GRID_POINTS_MIN, GRID_POINTS_MAX)) + 1
+    s = np.linspace(0.0, 1.0, n)
+    q, d1, d2 = curve.derivatives(s)
+    speed = 0.0
+    if velocity_start is not None:
+        speed = float(velocity_start @ d1[0]) / max(float(d1[0] @ d1[0]), 1e-12)
+    x, upper, time = np.empty(n), np.empty(n), np.empty(n)
+    for factor in TIGHTEN:
+        if not fastest_profile(s, d1, d2, limits.velocity * max(factor, 0.9), limits.acceleration * factor, speed, x, upper, time):
+            return None
+        dq = d1 * np.sqrt(x)[:, None]
+        dq[0] = 0.0 if velocity_start is None else velocity_start
+        trajectory = JointTrajectory(time.copy(), q, dq)
+        if limit_ratio(trajectory, limits) <= 1.0 + ROUNDING:
+            return trajectory
+    return None
+
+
+def limit_ratio(trajectory: JointTrajectory, limits: Limits) -> float:
+    """Largest velocity or acceleration of the Hermite curve as a share of its limit; at most 1 means: limits kept.
+
+    Exact: on a piece acceleration is linear and velocity quadratic in time, so extremes lie at ends or where acceleration is zero.
+    """
+    t, q, dq = trajectory.t_s, trajectory.q_rad, trajectory.dq_rad_s
+    if len(t) == 1:
+        return 0.0
+    h = np.diff(t)[:, None]
+    d, v0, v1 = np.diff(q, axis=0) / h, dq[:-1], dq[1:]
+    a0 = (6.0 * d - 4.0 * v0 - 2.0 * v1) / h
+    a1 = (-6.0 * d + 2.0 * v0 + 4.0 * v1) / h
+    peak = np.maximum(np.abs(v0), np.abs(v1))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        u = a0 / (a0 - a1)
+        inside = v0 + h * (a0 * u + 0.5 * (a1 - a0) * u**2)
+    peak = np.where((u > 0.0) & (u < 1.0), np.maximum(peak, np.abs(inside)), peak)
+    acceleration = np.maximum(np.abs(a0), np.abs(a1))
+    return float(max((peak / limits.velocity).max(), (acceleration / limits.acceleration).max()))
+
+
+def time_polyline(path_rad: F64, limits: Limits, velocity_start: F64 | None = None) -> JointTrajectory | None:
+    """A motion along the straight segments of ``path_rad`` (P, J) with a stop at each corner; the last resort of smoothing.
+
+    The segments were checked as edges and connections, so this motion leaves nothing unchecked.
+    """
+    t, q, dq = [np.zeros(1)], [path_rad[:1]], [np.zeros((1, path_rad.shape[1]))]
+    if velocity_start is not None:
+        dq[0][0] = velocity_start
+    for k in range(len(path_rad) - 1):
+        if np.linalg.norm(path_rad[k + 1] - path_rad[k]) < 1e-9:
+            continue
+        line = Nurbs.of(path_rad[k : k + 2], 1, 1.0, "straight")
+        part = time_curve(line, limits, velocity_start if k == 0 else None)
+        if part is None:
+            return None
+        t.append(t[-1][-1] + part.t_s[1:])
+        q.append(part.q_rad[1:])
+        dq.append(part.dq_rad_s[1:])
+    return JointTrajectory(np.concatenate(t), np.concatenate(q), np.concatenate(dq))
+
+
+def brake(running: JointTrajectory, from_s: float, limits: Limits, within_s: float) -> JointTrajectory:
+    """A stop along the running motion: leaves it at ``from_s`` with its velocity and comes to rest on its path.
+
+    The path parameter is the running motion's own time, slowed linearly from 1 to 0 over a braking time T: it advances by T / 2. T is the
+    longest that ends within ``within_s`` of the running motion's time, but never shorter than the limits allow.
+
+    Args:
+        running: the motion under way.
+        from_s: its time at which braking starts.
+        limits: joint limits that hold while braking.
+        within_s: time of the running motion left before the arm must stand.
+    """
+    shortest = _shortest_brake(running, from_s, limits)
+    longest = max(2.0 * min(within_s, running.duration_s - from_s), shortest)
+    return _brake_over(running, from_s, min(longest, max(shortest * 2.0, 0.2)))
+
+
+def _brake_over(running: JointTrajectory, from_s: float, brake_s: float) -> JointTrajectory:
+    t = np.linspace(0.0, brake_s, max(3, int(np.ceil(brake_s / KNOT_S)) + 1))
+    own = from_s + t - t**2 / (2.0 * brake_s)
+    rate = 1.0 - t / brake_s
+    q, dq, _ = running.sample(own)
+    dq = dq * rate[:, None]
+    dq[-1] = 0.0
+    return JointTrajectory(t, q, dq)
+
+
+def _shortest_brake(running: JointTrajectory, from_s: float, limits: Limits) -> float:
+    """Braking time in s that keeps the acceleration limits; found by trying times a tenth apart."""
+    brake_s = 2.0 * KNOT_S
+    while brake_s < 10.0 and limit_ratio(_brake_over(running, from_s, brake_s), limits) > 1.0:
+        brake_s *= 1.1
+    return brake_s

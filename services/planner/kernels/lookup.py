@@ -1,0 +1,195 @@
+"""Building and reading the lookup table: which cells a pose sweeps, which neurons and edges a cell blocks.
+
+The rule that ties a cell to a pose is :func:`services.planner.kernels.collision.cell_touches_body`, the same that checks paths. Twin:
+``tests/support/slow_lookup.py`` (every cell of the grid against every body).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from common.robot.kernels import body_grid, forward_kinematics
+from services.planner.kernels.collision import ROOT3, arm_step_m, cell_touches_body
+
+__all__ = ["add_to_counts", "count_rows", "edge_extra_cells", "fill_rows", "node_cells", "pose_cells", "segment_steps"]
+
+
+@njit(cache=True, nogil=True)
+def pose_cells(arm, origin_m, shape, cell_m, safety_m, rotation, translation, stamp, mark, out, n_out):  # type: ignore[no-untyped-def]
+    """Append the flat indices of all cells that block a pose to ``out`` from ``n_out`` on; returns the new count.
+
+    Cells whose ``stamp`` (n_cells,) already equals ``mark`` are left out, the others are stamped: so the caller dedupes over bodies and
+    over poses. Returns -1 if ``out`` is too short. For each body only the columns and heights of cells that its inflated box reaches are
+    looked at.
+
+    Args:
+        arm: :class:`~services.planner.kernels.collision.Arm`.
+        origin_m, shape, cell_m: the grid.
+        safety_m: inflation.
+        rotation, translation: frames of the pose.
+    """
+    grids = arm.grids
+    distance = grids.distance
+    half_m = cell_m / 2.0
+    reach = safety_m + half_m * ROOT3
+    for b in range(len(arm.moving)):
+        if not arm.moving[b]:
+            continue
+        j = grids.body_joint[b]
+        turn, shift, grid = rotation[j], translation[j], body_grid(grids, b)
+        low0, high0 = grids.box_min_m[b, 0] - reach, grids.box_max_m[b, 0] + reach
+        low1, high1 = grids.box_min_m[b, 1] - reach, grids.box_max_m[b, 1] + reach
+        low2, high2 = grids.box_min_m[b, 2] - reach, grids.box_max_m[b, 2] + reach
+        centre0, centre1, centre2 = (low0 + high0) / 2.0, (low1 + high1) / 2.0, (low2 + high2) / 2.0
+        half0, half1, half2 = (high0 - low0) / 2.0, (high1 - low1) / 2.0, (high2 - low2) / 2.0
+        # World box of the turned, inflated box.
+        wx = shift[0] + turn[0, 0] * centre0 + turn[0, 1] * centre1 + turn[0, 2] * centre2
+        wy = shift[1] + turn[1, 0] * centre0 + turn[1, 1] * centre1 + turn[1, 2] * centre2
+        ex = abs(turn[0, 0]) * half0 + abs(turn[0, 1]) * half1 + abs(turn[0, 2]) * half2
+        ey = abs(turn[1, 0]) * half0 + abs(turn[1, 1]) * half1 + abs(turn[1, 2]) * half2
+        x_first = max(0, int(math.floor((wx - ex - origin_m[0]) / cell_m - 0.5)))
+        x_last = min(shape[0] - 1, int(math.ceil((wx + ex - origin_m[0]) / cell_m - 0.5)))
+        y_first = max(0, int(math.floor((wy - ey - origin_m[1]) / cell_m - 0.5)))
+        y_last = min(shape[1] - 1, int(math.ceil((wy + ey - origin_m[1]) / cell_m - 0.5)))
+        d0, d1, d2 = turn[2, 0], turn[2, 1], turn[2, 2]  # world z in the body's frame
+        for ix in range(x_first, x_last + 1):
+            px = origin_m[0] + (ix + 0.5) * cell_m - shift[0]
+            for iy in range(y_first, y_last + 1):
+                py = origin_m[1] + (iy + 0.5) * cell_m - shift[1]
+                # The column is the line a + z d in the body's frame (z from the body's origin): clip it by the box's slabs.
+                a0 = turn[0, 0] * px + turn[1, 0] * py
+                a1 = turn[0, 1] * px + turn[1, 1] * py
+                a2 = turn[0, 2] * px + turn[1, 2] * py
+                z_low, z_high = origin_m[2] - shift[2], origin_m[2] + shape[2] * cell_m - shift[2]
+                z_low, z_high = _clip(a0, d0, low0, high0, z_low, z_high)
+                z_low, z_high = _clip(a1, d1, low1, high1, z_low, z_high)
+                z_low, z_high = _clip(a2, d2, low2, high2, z_low, z_high)
+                if z_low > z_high:
+                    continue
+                z_first = max(0, int(math.floor((z_low + shift[2] - origin_m[2]) / cell_m - 0.5)))
+                z_last = min(shape[2] - 1, int(math.ceil((z_high + shift[2] - origin_m[2]) / cell_m - 0.5)))
+                base = (ix * shape[1] + iy) * shape[2]
+                for iz in range(z_first, z_last + 1):
+                    if stamp[base + iz] == mark:
+                        continue
+                    pz = origin_m[2] + (iz + 0.5) * cell_m - shift[2]
+                    if cell_touches_body(distance, grid, turn, a0 + pz * d0, a1 + pz * d1, a2 + pz * d2, half_m, safety_m):
+                        if n_out >= len(out):
+                            return -1
+                        stamp[base + iz] = mark
+                        out[n_out] = base + iz
+                        n_out += 1
+    return n_out
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _clip(a, d, low, high, z_low, z_high):  # type: ignore[no-untyped-def]
+    """The part of ``z_low..z_high`` in which ``low <= a + z d <= high``; empty (low above high) if there is none."""
+    if abs(d) < 1e-9:
+        if a < low or a > high:
+            return 1.0, 0.0
+        return z_low, z_high
+    u, v = (low - a) / d, (high - a) / d
+    if u > v:
+        u, v = v, u
+    return max(z_low, u), min(z_high, v)
+
+
+@njit(cache=True, nogil=True)
+def node_cells(arm, origin_m, shape, cell_m, safety_m, q_rad, first, stamp, out, offset):  # type: ignore[no-untyped-def]
+    """Cells of the neurons ``q_rad`` (n, J) one after another into ``out``; row k ends at ``offset[k + 1]``, ``offset[0]`` is 0.
+
+    Returns the number of neurons done: fewer than n when ``out`` was full (call again with the rest). ``first`` makes the stamps unique.
+    """
+    n_joints = q_rad.shape[1]
+    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
+    n_out = 0
+    for k in range(len(q_rad)):
+        forward_kinematics(arm.chain, q_rad[k], rotation, translation)
+        n = pose_cells(arm, origin_m, shape, cell_m, safety_m, rotation, translation, stamp, first + k, out, n_out)
+        if n < 0:
+            return k
+        out[n_out:n].sort()
+        n_out = n
+        offset[k + 1] = n_out
+    return len(q_rad)
+
+
+@njit(cache=True, nogil=True)
+def edge_extra_cells(  # type: ignore[no-untyped-def]
+    arm, origin_m, shape, cell_m, safety_m, step_m, q_rad, edges, node_offset, node_cell, first, stamp, out, offset
+):
+    """Cells that an edge sweeps beyond those of its two ends, for ``edges`` (m, 2), as :func:`node_cells` gives them for neurons.
+
+    The straight joint segment is sampled so that no point of the arm moves by more than ``step_m`` between samples.
+    """
+    n_joints = q_rad.shape[1]
+    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
+    dq, q = q_rad[0].copy(), q_rad[0].copy()
+    n_out = 0
+    for k in range(len(edges)):
+        a, b = edges[k, 0], edges[k, 1]
+        mark = first + k
+        for end in (a, b):
+            for i in range(node_offset[end], node_offset[end + 1]):
+                stamp[node_cell[i]] = mark
+        for j in range(n_joints):
+            dq[j] = q_rad[b, j] - q_rad[a, j]
+        n_steps = segment_steps(arm, q_rad[a], dq, step_m, rotation, translation)
+        n = n_out
+        for s in range(1, n_steps):
+            for j in range(n_joints):
+                q[j] = q_rad[a, j] + dq[j] * (s / n_steps)
+            forward_kinematics(arm.chain, q, rotation, translation)
+            n = pose_cells(arm, origin_m, shape, cell_m, safety_m, rotation, translation, stamp, mark, out, n)
+            if n < 0:
+                return k
+        out[n_out:n].sort()
+        n_out = n
+        offset[k + 1] = n_out
+    return len(edges)
+
+
+@njit(cache=True, nogil=True)
+def segment_steps(arm, q_a, dq, step_m, rotation, translation):  # type: ignore[no-untyped-def]
+    """Number of equal steps of the joint segment from ``q_a`` by ``dq`` such that no point of the arm moves more than ``step_m`` a step.
+
+    The bound is taken at both ends and the middle; levers change little along segments of a few tenths of a radian, and the largest of
+    the three is used with a tenth to spare.
+    """
+    q = q_a.copy()
+    largest = 0.0
+    for at in (0.0, 0.5, 1.0):
+        for j in range(len(dq)):
+            q[j] = q_a[j] + at * dq[j]
+        forward_kinematics(arm.chain, q, rotation, translation)
+        largest = max(largest, arm_step_m(arm, dq, rotation, translation))
+    return max(1, int(math.ceil(1.1 * largest / step_m)))
+
+
+@njit(cache=True, nogil=True)
+def count_rows(items, row_count):  # type: ignore[no-untyped-def]
+    """Add to ``row_count`` (n_cells,) how often each cell occurs in ``items``."""
+    for i in range(len(items)):
+        row_count[items[i]] += 1
+
+
+@njit(cache=True, nogil=True)
+def fill_rows(offset, items, first_owner, cursor, owner):  # type: ignore[no-untyped-def]
+    """Transpose ``items`` (owner -> cells, rows by ``offset``) into ``owner`` (cell -> owners) at the moving ``cursor`` (n_cells,)."""
+    for k in range(len(offset) - 1):
+        for i in range(offset[k], offset[k + 1]):
+            cell = items[i]
+            owner[cursor[cell]] = first_owner + k
+            cursor[cell] += 1
+
+
+@njit(cache=True, nogil=True)
+def add_to_counts(cells, sign, row_offset, row_owner, count):  # type: ignore[no-untyped-def]
+    """Add ``sign`` to ``count`` of every owner in the rows of ``cells`` (C,). Cost follows the changed cells."""
+    for c in range(len(cells)):
+        for i in range(row_offset[cells[c]], row_offset[cells[c] + 1]):
+            count[row_owner[i]] += sign

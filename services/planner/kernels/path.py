@@ -1,0 +1,149 @@
+"""Checks of segments and timed curves, pose by pose, at steps that no part of the arm outruns; nearest neurons."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+from common.robot.kernels import FAR, body_grid, forward_kinematics, look_up, to_joint_frame
+from services.planner.kernels.collision import FREE, arm_step_m, pose_verdict
+from services.planner.kernels.lookup import segment_steps
+
+__all__ = ["cells_distance", "curve_verdict", "leaves", "nearest_free", "segment_verdict"]
+
+
+@njit(cache=True, nogil=True)
+def segment_verdict(arm, solids, cells, safety_m, step_m, q_a, q_b):  # type: ignore[no-untyped-def]
+    """Check the straight joint segment from ``q_a`` to ``q_b`` (J,), both ends included.
+
+    Returns:
+        (FREE | HIT_CELL | HIT_STATIC | HIT_SELF, index of what is hit, fraction 0..1 of the first blocked sample).
+    """
+    n_joints = len(q_a)
+    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
+    dq, q = q_b - q_a, q_a.copy()
+    n_steps = segment_steps(arm, q_a, dq, step_m, rotation, translation)
+    for s in range(n_steps + 1):
+        for j in range(n_joints):
+            q[j] = q_a[j] + dq[j] * (s / n_steps)
+        verdict, index = pose_verdict(arm, solids, cells, safety_m, q, rotation, translation)
+        if verdict != FREE:
+            return verdict, index, s / n_steps
+    return FREE, -1, 1.0
+
+
+@njit(cache=True, nogil=True)
+def curve_verdict(arm, solids, cells, safety_m, step_m, t_s, q_rad, dq_rad_s, from_s, to_s):  # type: ignore[no-untyped-def]
+    """Check the cubic Hermite curve of a trajectory between two times, ends included.
+
+    Between knots the joint way is bounded by the curve's Bezier polygon (a curve is never longer than it), and each knot interval is cut
+    into so many steps that no point of the arm moves by more than ``step_m``.
+
+    Returns:
+        (verdict, index of what is hit, time in s of the first blocked sample or ``to_s``, number of poses checked).
+    """
+    n_joints = q_rad.shape[1]
+    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
+    q, way = np.empty(n_joints), np.empty(n_joints)
+    n_poses = 0
+    for k in range(max(1, len(t_s) - 1)):
+        t0, t1 = t_s[k], t_s[min(k + 1, len(t_s) - 1)]
+        if t1 < from_s or t0 > to_s:
+            continue
+        h = t1 - t0
+        n_steps = 1
+        if h > 0.0:
+            for j in range(n_joints):
+                v0, v1 = dq_rad_s[k, j] * h / 3.0, dq_rad_s[k + 1, j] * h / 3.0
+                way[j] = abs(v0) + abs(q_rad[k + 1, j] - v1 - q_rad[k, j] - v0) + abs(v1)
+            _hermite(t_s, q_rad, dq_rad_s, k, 0.5, q)
+            forward_kinematics(arm.chain, q, rotation, translation)
+            n_steps = max(1, int(math.ceil(1.1 * arm_step_m(arm, way, rotation, translation) / step_m)))
+        first = 0 if n_poses == 0 else 1
+        for s in range(first, n_steps + 1):
+            t = t0 + h * (s / n_steps)
+            if t < from_s - h / n_steps or t > to_s + h / n_steps:
+                continue
+            _hermite(t_s, q_rad, dq_rad_s, k, s / n_steps, q)
+            verdict, index = pose_verdict(arm, solids, cells, safety_m, q, rotation, translation)
+            n_poses += 1
+            if verdict != FREE:
+                return verdict, index, t, n_poses
+    return FREE, -1, to_s, n_poses
+
+
+@njit(cache=True, nogil=True)
+def _hermite(t_s, q_rad, dq_rad_s, k, u, out):  # type: ignore[no-untyped-def]
+    """Position at fraction ``u`` of knot interval ``k``: the interpolant of :mod:`common.robot.trajectory` (a test holds them equal)."""
+    if len(t_s) == 1:
+        out[:] = q_rad[0]
+        return
+    h = t_s[k + 1] - t_s[k]
+    for j in range(q_rad.shape[1]):
+        v0, v1, d = dq_rad_s[k, j] * h, dq_rad_s[k + 1, j] * h, q_rad[k + 1, j] - q_rad[k, j]
+        out[j] = q_rad[k, j] + u * (v0 + u * ((3.0 * d - 2.0 * v0 - v1) + u * (v0 + v1 - 2.0 * d)))
+
+
+@njit(cache=True, nogil=True)
+def nearest_free(neurons, node_count, q, index, distance):  # type: ignore[no-untyped-def]
+    """The ``len(index)`` nearest unblocked neurons of ``q`` (J,), nearest first; equal distances by index.
+
+    Fills ``index`` and ``distance``; returns how many were found.
+    """
+    k = len(index)
+    found = 0
+    for n in range(len(neurons)):
+        if node_count[n] > 0:
+            continue
+        d2 = 0.0
+        worst = distance[k - 1] if found == k else np.inf
+        for j in range(len(q)):
+            d2 += (neurons[n, j] - q[j]) ** 2
+        if d2 >= worst:
+            continue
+        i = min(found, k - 1)
+        while i > 0 and distance[i - 1] > d2:
+            distance[i], index[i] = distance[i - 1], index[i - 1]
+            i -= 1
+        distance[i], index[i] = d2, n
+        found = min(found + 1, k)
+    for i in range(found):
+        distance[i] = math.sqrt(distance[i])
+    return found
+
+
+@njit(cache=True, nogil=True)
+def cells_distance(arm, cells, rotation, translation):  # type: ignore[no-untyped-def]
+    """Lower bound in metres of the distance from any moving body to any cell's centre, at most ``FAR``."""
+    grids = arm.grids
+    distance, centre = grids.distance, cells.centre_m
+    nearest = FAR
+    for b in range(len(arm.moving)):
+        if not arm.moving[b]:
+            continue
+        j = grids.body_joint[b]
+        turn, shift, grid = rotation[j], translation[j], body_grid(grids, b)
+        for i in range(len(centre)):
+            x, y, z = to_joint_frame(turn, shift, centre[i, 0], centre[i, 1], centre[i, 2])
+            nearest = min(nearest, look_up(distance, grid, x, y, z))
+    return nearest
+
+
+@njit(cache=True, nogil=True)
+def leaves(arm, cells, reach_m, slack_m, poses_rad):  # type: ignore[no-untyped-def]
+    """Whether the arm, standing among ``cells``, only moves away from them along ``poses_rad`` (K, J).
+
+    The distance to the nearest centre never falls by more than ``slack_m`` below its best so far while it is below ``reach_m``.
+    """
+    n_joints = poses_rad.shape[1]
+    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
+    best = -np.inf
+    for k in range(len(poses_rad)):
+        forward_kinematics(arm.chain, poses_rad[k], rotation, translation)
+        now = cells_distance(arm, cells, rotation, translation)
+        if now < min(best, reach_m) - slack_m:
+            return False
+        best = max(best, now)
+    return True

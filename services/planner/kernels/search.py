@@ -1,0 +1,156 @@
+"""Graph search on the unblocked part of the map: Dijkstra, A* and wavefront, from many starts to many goals.
+
+A neuron is blocked while its count is above zero, an edge while its own is. Ties are broken by heap order, which depends on the input
+alone: equal questions get equal answers. Twins: ``tests/support/slow_search.py``.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+__all__ = ["NOT_FOUND", "best_first", "breadth_first"]
+
+NOT_FOUND = -1
+
+
+@njit(cache=True, nogil=True)
+def _push(heap_key, heap_node, size, key, node):  # type: ignore[no-untyped-def]
+    i = size
+    while i > 0:
+        parent = (i - 1) >> 1
+        if heap_key[parent] <= key:
+            break
+        heap_key[i], heap_node[i] = heap_key[parent], heap_node[parent]
+        i = parent
+    heap_key[i], heap_node[i] = key, node
+    return size + 1
+
+
+@njit(cache=True, nogil=True)
+def _pop(heap_key, heap_node, size):  # type: ignore[no-untyped-def]
+    """Remove the root (its values were read before); the last element sinks from the top."""
+    size -= 1
+    key, node = heap_key[size], heap_node[size]
+    i = 0
+    while True:
+        child = 2 * i + 1
+        if child >= size:
+            break
+        if child + 1 < size and heap_key[child + 1] < heap_key[child]:
+            child += 1
+        if heap_key[child] >= key:
+            break
+        heap_key[i], heap_node[i] = heap_key[child], heap_node[child]
+        i = child
+    heap_key[i], heap_node[i] = key, node
+    return size
+
+
+@njit(cache=True, nogil=True)
+def _distance(a, i, q):  # type: ignore[no-untyped-def]
+    total = 0.0
+    for j in range(len(q)):
+        total += (a[i, j] - q[j]) ** 2
+    return math.sqrt(total)
+
+
+@njit(cache=True, nogil=True)
+def best_first(  # type: ignore[no-untyped-def]
+    neurons, adj_offset, adj_node, adj_edge, adj_length, node_count, edge_count, starts, start_cost, goals, goal_cost, q_goal, use_bound, cost, parent, heap_key, heap_node, path
+):
+    """Shortest way from any of ``starts`` to any of ``goals``; Dijkstra, or A* with ``use_bound``.
+
+    Args:
+        neurons: (N, J) for A*'s bound, the straight distance to ``q_goal`` (J,): admissible, since edges are at least that long.
+        adj_offset, adj_node, adj_edge, adj_length: adjacency in rows.
+        node_count, edge_count: blocked while above zero.
+        starts, start_cost: (S,) neurons joined to the start, and the length of that join; likewise goals. Infinite cost: not to be used.
+        cost, parent: (N,) scratch. heap_key, heap_node: scratch, at least S + 2 M + N long.
+        path: (N,) int32 out: neurons from start to goal.
+
+    Returns:
+        (number of neurons on the path or ``NOT_FOUND``, total cost, number of neurons settled).
+    """
+    cost[:] = np.inf
+    parent[:] = -1
+    size = 0
+    settled = 0
+    for k in range(len(starts)):
+        n = starts[k]
+        if node_count[n] == 0 and start_cost[k] < cost[n]:
+            cost[n] = start_cost[k]
+            bound = _distance(neurons, n, q_goal) if use_bound else 0.0
+            size = _push(heap_key, heap_node, size, cost[n] + bound, n)
+    best, best_end = np.inf, -1
+    while size > 0:
+        key, n = heap_key[0], heap_node[0]
+        if key >= best:
+            break
+        size = _pop(heap_key, heap_node, size)
+        bound = _distance(neurons, n, q_goal) if use_bound else 0.0
+        if key > cost[n] + bound:
+            continue  # a cheaper way was found since
+        settled += 1
+        for k in range(len(goals)):
+            if goals[k] == n and cost[n] + goal_cost[k] < best:
+                best, best_end = cost[n] + goal_cost[k], n
+        for i in range(adj_offset[n], adj_offset[n + 1]):
+            m = adj_node[i]
+            if node_count[m] > 0 or edge_count[adj_edge[i]] > 0:
+                continue
+            through = cost[n] + adj_length[i]
+            if through < cost[m]:
+                cost[m] = through
+                parent[m] = n
+                bound = _distance(neurons, m, q_goal) if use_bound else 0.0
+                size = _push(heap_key, heap_node, size, through + bound, m)
+    if best_end < 0:
+        return NOT_FOUND, np.inf, settled
+    return _trace(parent, best_end, path), best, settled
+
+
+@njit(cache=True, nogil=True)
+def _trace(parent, end, path):  # type: ignore[no-untyped-def]
+    """Fill ``path`` from the root to ``end``; returns its length."""
+    n, length = end, 0
+    while n >= 0:
+        path[length] = n
+        length += 1
+        n = parent[n]
+    for i in range(length // 2):
+        path[i], path[length - 1 - i] = path[length - 1 - i], path[i]
+    return length
+
+
+@njit(cache=True, nogil=True)
+def breadth_first(  # type: ignore[no-untyped-def]
+    adj_offset, adj_node, adj_edge, node_count, edge_count, starts, start_cost, goals, goal_cost, level, parent, queue, path
+):
+    """Wavefront: the way with the fewest neurons, first found in row order. Arguments and return as :func:`best_first`; the cost is hops."""
+    level[:] = -1
+    parent[:] = -1
+    head, tail = 0, 0
+    for k in range(len(starts)):
+        n = starts[k]
+        if node_count[n] == 0 and start_cost[k] < np.inf and level[n] < 0:
+            level[n] = 0
+            queue[tail] = n
+            tail += 1
+    while head < tail:
+        n = queue[head]
+        head += 1
+        for k in range(len(goals)):
+            if goals[k] == n and goal_cost[k] < np.inf:
+                return _trace(parent, n, path), float(level[n]), head
+        for i in range(adj_offset[n], adj_offset[n + 1]):
+            m = adj_node[i]
+            if level[m] >= 0 or node_count[m] > 0 or edge_count[adj_edge[i]] > 0:
+                continue
+            level[m] = level[n] + 1
+            parent[m] = n
+            queue[tail] = m
+            tail += 1
+    return NOT_FOUND, np.inf, head

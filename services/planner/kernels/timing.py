@@ -1,0 +1,102 @@
+"""Time-optimal timing of a sampled path under joint velocity and acceleration limits: one backward and one forward pass.
+
+Reachability analysis as in TOPP-RA (Pham and Pham 2018, IEEE T-RO 34(3)): with x = ds/dt^2 and u = d2s/dt2 all limits are linear, the largest
+controllable x of each grid point follows from the next one, and the fastest motion takes the largest u that stays controllable. Limits are
+enforced at both ends of each grid interval (the paper's interpolation scheme). Referee: the toppra wheel (``tests/unit/planner``).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+
+__all__ = ["fastest_profile"]
+
+TINY = 1e-12
+SLACK = 1e-9  # of rad/s^2; rounding must not make a touching pair of constraints infeasible
+
+
+@njit(cache=True, nogil=True)
+def _bounds_of_u(x, d1, d2, e1, e2, limit, delta, x_next_max):  # type: ignore[no-untyped-def]
+    """Tightest lower and upper line of u at ``x``: (low, slope of low, high, slope of high).
+
+    ``d1, d2``: first and second derivative (J,) of the path at the grid point, ``e1, e2`` at the next one; ``limit`` (J,) rad/s^2.
+    """
+    # 0 <= x + 2 delta u <= x_next_max
+    low, low_slope = -x / (2.0 * delta), -1.0 / (2.0 * delta)
+    high, high_slope = (x_next_max - x) / (2.0 * delta), -1.0 / (2.0 * delta)
+    for j in range(len(limit)):
+        for end in range(2):
+            # |gain u + bend x| <= limit
+            if end == 0:
+                gain, bend = d1[j], d2[j]
+            else:
+                gain, bend = e1[j] + 2.0 * delta * e2[j], e2[j]
+            if abs(gain) < TINY:
+                continue
+            slope = -bend / gain
+            half = limit[j] / abs(gain)
+            centre = slope * x
+            if centre + half < high:
+                high, high_slope = centre + half, slope
+            if centre - half > low:
+                low, low_slope = centre - half, slope
+    return low, low_slope, high, high_slope
+
+
+@njit(cache=True, nogil=True)
+def _x_max(d1, d2, velocity, acceleration):  # type: ignore[no-untyped-def]
+    """Largest x that the velocity limits allow, and the acceleration limits where a joint's path stands still (d1 = 0)."""
+    x = np.inf
+    for j in range(len(velocity)):
+        if abs(d1[j]) > TINY:
+            x = min(x, (velocity[j] / d1[j]) ** 2)
+        elif abs(d2[j]) > TINY:
+            x = min(x, acceleration[j] / abs(d2[j]))
+    return x
+
+
+@njit(cache=True, nogil=True)
+def fastest_profile(s, d1, d2, velocity, acceleration, speed_start, x, upper, time):  # type: ignore[no-untyped-def]
+    """Squared path speed and time at grid points of the fastest motion that starts at ``speed_start`` and ends at rest.
+
+    Args:
+        s: (N,) increasing path parameters. d1, d2: (N, J) derivatives of the path by s.
+        velocity, acceleration: (J,) limits.
+        speed_start: ds/dt at the first grid point.
+        x, time: (N,) out. upper: (N,) scratch, on return the largest controllable x.
+
+    Returns:
+        True; False when the start is too fast for what follows.
+    """
+    n = len(s)
+    upper[n - 1] = 0.0
+    for i in range(n - 2, -1, -1):
+        delta = s[i + 1] - s[i]
+        x_try = _x_max(d1[i], d2[i], velocity, acceleration)
+        # The feasible interval of u shrinks concavely with x: follow the two active lines to where they meet.
+        for _ in range(50):
+            low, low_slope, high, high_slope = _bounds_of_u(x_try, d1[i], d2[i], d1[i + 1], d2[i + 1], acceleration, delta, upper[i + 1])
+            if low <= high + SLACK:
+                break
+            if low_slope - high_slope < TINY:
+                x_try = 0.0
+                break
+            x_try = max(0.0, x_try - (low - high) / (low_slope - high_slope))
+        upper[i] = x_try
+    x[0] = speed_start * speed_start
+    if x[0] > upper[0] * (1.0 + 1e-6) + TINY:
+        return False
+    time[0] = 0.0
+    for i in range(n - 1):
+        delta = s[i + 1] - s[i]
+        low, _, high, _ = _bounds_of_u(x[i], d1[i], d2[i], d1[i + 1], d2[i + 1], acceleration, delta, upper[i + 1])
+        u = max(high, low) if high >= low - 1e-6 * abs(low) - SLACK else low
+        x[i + 1] = min(max(x[i] + 2.0 * delta * u, 0.0), upper[i + 1])
+        speeds = math.sqrt(x[i]) + math.sqrt(x[i + 1])
+        if speeds < 1e-9:
+            return False
+        time[i + 1] = time[i] + 2.0 * delta / speeds
+    return True

@@ -1,0 +1,219 @@
+"""From nothing to a map that can be planned in: motions -> gas -> prune -> table -> one file in the cache.
+
+Same robot, cell, config and recorded motions give the same bytes; nothing here is bounded by time. Seconds are reported, never kept.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from common.cell import CellConfig
+from common.errors import ArtefactError
+from common.robot.model import cache_dir
+from services.planner.config import PlannerConfig
+from services.planner.core.cognitive_map import CognitiveMap, statistics
+from services.planner.core.gng import GasParameters, GrowingNeuralGas
+from services.planner.core.lookup import LookupTable, build_table
+from services.planner.core.world import no_cells
+from services.planner.kernels.collision import FREE
+from services.planner.offline import artefact
+from services.planner.offline.motion_store import MotionOrder, make_motions
+from services.planner.offline.motions import Samples, resample
+from services.planner.offline.pruning import prune
+from services.planner.offline.scene import Scene
+
+__all__ = ["STAGES", "Built", "Job", "load", "load_or_build", "run"]
+
+F64 = NDArray[np.float64]
+Progress = Callable[[str, float], None]  # stage, share done 0..1
+
+STAGES = ("motions", "map", "prune", "table", "write")
+RULES_VERSION = 1  # raise when the same config would give another map
+
+
+def _silent(stage: str, share: float) -> None:
+    del stage, share
+
+
+@dataclass(frozen=True, eq=False)
+class Built:
+    """A map with its table, as made or as read; ``figures`` are plain data that depend on nothing but the inputs."""
+
+    path: Path
+    sha256: str  # of the file
+    learned: CognitiveMap
+    table: LookupTable
+    fingerprints: dict[str, str]
+    figures: dict[str, Any]
+
+
+@dataclass(frozen=True, eq=False)
+class Job:
+    """What is to be built: for which cell, with which config, from which recorded motions ((K, J) each) besides the made ones."""
+
+    cell: CellConfig
+    config: PlannerConfig
+    scene: Scene
+    recorded: tuple[F64, ...]
+    cache: Path
+
+    @staticmethod
+    def of(cell: CellConfig, config: PlannerConfig, recorded: Sequence[F64] = (), cache: Path | None = None) -> Job:
+        """A job; ``cache`` defaults to the user's.
+
+        Raises:
+            RobotError: the robot cannot be loaded.
+        """
+        return Job(cell, config, Scene.of(cell, config.margins), tuple(recorded), cache or cache_dir())
+
+    @property
+    def motions_fingerprint(self) -> str:
+        """Of all that the made motions depend on."""
+        motions = msgspec.structs.replace(self.config.motions, n_workers=1)
+        return _digest(self.scene.robot.fingerprint, self.scene.grid.fingerprint, self.cell.static, motions, self.config.margins)
+
+    @property
+    def fingerprints(self) -> dict[str, str]:
+        """Of robot, grid, and config (static layer, motions, map, margins, recorded motions)."""
+        recorded = [hashlib.sha256(np.ascontiguousarray(q).tobytes()).hexdigest() for q in self.recorded]
+        return {
+            "robot": self.scene.robot.fingerprint,
+            "grid": self.scene.grid.fingerprint,
+            "config": _digest(self.motions_fingerprint, self.config.map, self.config.model, recorded),
+        }
+
+    @property
+    def path(self) -> Path:
+        """Where the artefact is kept."""
+        return self.cache / f"map-{'-'.join(value[:8] for value in self.fingerprints.values())}.tolman"
+
+    @property
+    def motions_dir(self) -> Path:
+        """Where the made motions are kept, chunk by chunk."""
+        return self.cache / f"motions-{self.motions_fingerprint[:16]}"
+
+
+def _digest(*parts: Any) -> str:
+    return hashlib.sha256(msgspec.msgpack.encode([RULES_VERSION, *parts], order="deterministic")).hexdigest()[:16]
+
+
+def load(job: Job) -> Built:
+    """The artefact of a job from the cache.
+
+    Raises:
+        ArtefactError: not there, torn, of another version, or made for something else; says which.
+    """
+    kept = artefact.read(job.path, job.fingerprints)
+    try:
+        learned = CognitiveMap(kept.arrays["neurons_rad"], kept.arrays["edges"])
+        table = LookupTable(**{name.removeprefix("table_"): array for name, array in kept.arrays.items() if name.startswith("table_")})
+    except (KeyError, TypeError) as error:
+        raise ArtefactError(f"{job.path}: an array is missing or unknown: {error}", code="torn_artefact") from None
+    sha256 = hashlib.sha256(job.path.read_bytes()).hexdigest()
+    return Built(job.path, sha256, learned, table, dict(kept.fingerprints), dict(kept.figures))
+
+
+def load_or_build(job: Job, progress: Progress = _silent) -> Built:
+    """The artefact from the cache; made first where it is missing or cannot be used."""
+    try:
+        return load(job)
+    except ArtefactError:
+        return run(job, progress)[0]
+
+
+def run(job: Job, progress: Progress = _silent, *, force: bool = False) -> tuple[Built, dict[str, float]]:
+    """Build and keep the artefact; also the seconds of each stage.
+
+    Args:
+        job: what to build.
+        progress: called with (one of STAGES, share done).
+        force: also make the motions anew instead of using chunks that an earlier build kept.
+
+    Raises:
+        TolmanError: the regions of the config cannot be reached.
+    """
+    seconds: dict[str, float] = {}
+    with _stage("motions", progress, seconds):
+        samples, n_trajectories = _samples(job, progress, force=force)
+    with _stage("map", progress, seconds):
+        grown = _grow(job, samples, progress)
+    with _stage("prune", progress, seconds):
+        learned = _prune(job, grown, samples)
+    with _stage("table", progress, seconds):
+        table = _table(job, learned, progress)
+    with _stage("write", progress, seconds):
+        figures = {
+            "trajectories": n_trajectories,
+            "samples": len(samples.q_rad),
+            **asdict(statistics(learned, samples.q_rad)),
+            "table_bytes": table.n_bytes,
+        }
+        sha256 = artefact.write(job.path, artefact.Artefact(_arrays(learned, table), job.fingerprints, figures))
+    seconds["total"] = sum(seconds.values())
+    return Built(job.path, sha256, learned, table, job.fingerprints, figures), seconds
+
+
+@contextmanager
+def _stage(name: str, progress: Progress, seconds: dict[str, float]) -> Iterator[None]:
+    start_s = time.monotonic()
+    progress(name, 0.0)
+    yield
+    progress(name, 1.0)
+    seconds[name] = round(time.monotonic() - start_s, 3)
+
+
+def _samples(job: Job, progress: Progress, *, force: bool) -> tuple[Samples, int]:
+    order = MotionOrder(job.cell, job.config.margins, job.config.motions, job.motions_dir, job.motions_fingerprint)
+    if force:
+        for chunk in order.chunks:
+            order.path(chunk).unlink(missing_ok=True)
+    paths = make_motions(order, lambda share: progress("motions", share)) + list(job.recorded)
+    return resample(paths, job.config.motions.n_samples), len(paths)
+
+
+def _grow(job: Job, samples: Samples, progress: Progress) -> CognitiveMap:
+    m = job.config.map
+    parameters = GasParameters(m.insert_every, m.e_best, m.e_neighbour, m.alpha, m.decay, m.max_age)
+    gas = GrowingNeuralGas(parameters, m.n_neurons)
+    return gas.fit(samples.q_rad, samples.starts, m.seed, lambda share: progress("map", share)).to_map()
+
+
+def _prune(job: Job, grown: CognitiveMap, samples: Samples) -> CognitiveMap:
+    checker, nothing = job.scene.checker(), no_cells(job.scene.grid)
+    return prune(
+        grown,
+        samples.q_rad,
+        job.config.map.n_neurons,
+        pose_is_free=lambda q: checker.pose(nothing, q)[0] == FREE,
+        motion_is_free=lambda a, b: checker.segment(nothing, a, b),
+        bridge_max_rad=job.config.map.bridge_max_rad,
+        join_neighbours=job.config.map.join_neighbours,
+    )
+
+
+def _table(job: Job, learned: CognitiveMap, progress: Progress) -> LookupTable:
+    margins = job.config.margins
+    return build_table(
+        job.scene.arm,
+        job.scene.grid,
+        learned.q_rad,
+        learned.edges,
+        safety_m=margins.safety_m,
+        step_m=margins.step_m,
+        progress=lambda done, total: progress("table", done / total),
+    )
+
+
+def _arrays(learned: CognitiveMap, table: LookupTable) -> dict[str, NDArray[Any]]:
+    rows = {f"table_{name}": getattr(table, name) for name in ("node_offset", "node_owner", "edge_offset", "edge_owner", "unavoidable")}
+    return {"neurons_rad": learned.q_rad, "edges": learned.edges, **rows}

@@ -1,0 +1,128 @@
+"""Making all training motions: in several processes, kept in chunks as they come, so that an interrupted build goes on where it was."""
+
+from __future__ import annotations
+
+import multiprocessing
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.cell import CellConfig
+from common.errors import ArtefactError, ConfigError
+from services.planner.config import MarginsConfig
+from services.planner.offline import artefact
+from services.planner.offline.config import MotionsConfig
+from services.planner.offline.motions import MotionMaker
+from services.planner.offline.scene import Scene
+
+__all__ = ["MotionOrder", "make_motions", "read_recorded"]
+
+F64 = NDArray[np.float64]
+
+CHUNK = 30  # motions in a file; our choice: some seconds of work
+
+
+@dataclass(frozen=True)
+class MotionOrder:
+    """What is to be made, picklable for worker processes. ``fingerprint`` is of all that the motions depend on."""
+
+    cell: CellConfig
+    margins: MarginsConfig
+    config: MotionsConfig
+    directory: Path
+    fingerprint: str
+
+    @property
+    def chunks(self) -> list[range]:
+        """The indices of each chunk's motions."""
+        n = self.config.n_trajectories
+        return [range(first, min(first + CHUNK, n)) for first in range(0, n, CHUNK)]
+
+    def path(self, chunk: range) -> Path:
+        """The file of a chunk."""
+        return self.directory / f"motions-{chunk.start:05d}-{chunk.stop:05d}.tolman"
+
+
+def make_motions(order: MotionOrder, progress: Callable[[float], None]) -> list[F64]:
+    """The paths (P, J) of all motions, by index; chunks that are there already are read, the others made and kept."""
+    kept = {chunk.start: _read_chunk(order, chunk) for chunk in order.chunks}
+    missing = [chunk for chunk in order.chunks if kept[chunk.start] is None]
+    n_done = len(order.chunks) - len(missing)
+    for start, paths in _make(order, missing):
+        kept[start] = paths
+        n_done += 1
+        progress(n_done / len(order.chunks))
+    return [path for chunk in order.chunks for path in kept[chunk.start] or []]
+
+
+def _make(order: MotionOrder, missing: list[range]) -> Iterator[tuple[int, list[F64]]]:
+    """Chunks as they get done: here if one process is enough, else in worker processes that end with this generator."""
+    n_workers = min(order.config.n_workers, len(missing))
+    if n_workers == 0:
+        return
+    if n_workers == 1:
+        maker = MotionMaker(Scene.of(order.cell, order.margins), order.config)
+        for chunk in missing:
+            yield chunk.start, _make_chunk(order, chunk, maker)
+        return
+    executor = ProcessPoolExecutor(n_workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker, initargs=(order,))
+    try:
+        running: dict[Future[list[F64]], int] = {executor.submit(_work, chunk): chunk.start for chunk in missing}
+        while running:
+            done, _ = wait(running, return_when=FIRST_COMPLETED)
+            for future in done:
+                yield running.pop(future), future.result()
+    finally:  # also on Ctrl-C: chunks under way, seconds of work, are finished and kept
+        executor.shutdown(wait=True, cancel_futures=True)
+
+
+_worker: tuple[MotionOrder, MotionMaker] | None = None  # one per worker process, made by its initializer
+
+
+def _start_worker(order: MotionOrder) -> None:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole process group; the parent does the talking
+    global _worker  # noqa: PLW0603  the executor hands nothing else to its tasks
+    _worker = (order, MotionMaker(Scene.of(order.cell, order.margins), order.config))
+
+
+def _work(chunk: range) -> list[F64]:
+    assert _worker is not None
+    return _make_chunk(_worker[0], chunk, _worker[1])
+
+
+def _make_chunk(order: MotionOrder, chunk: range, maker: MotionMaker) -> list[F64]:
+    paths = [maker.motion(index) for index in chunk]
+    arrays = {"points": np.concatenate(paths), "lengths": np.array([len(path) for path in paths], dtype=np.int64)}
+    artefact.write(order.path(chunk), artefact.Artefact(arrays, {"motions": order.fingerprint}))
+    return paths
+
+
+def _read_chunk(order: MotionOrder, chunk: range) -> list[F64] | None:
+    try:
+        arrays = artefact.read(order.path(chunk), {"motions": order.fingerprint}).arrays
+    except ArtefactError:
+        return None  # not made yet, of another config, or torn: made anew
+    return [np.array(path) for path in np.split(arrays["points"], np.cumsum(arrays["lengths"])[:-1])]
+
+
+def read_recorded(path: Path, n_joints: int) -> F64:
+    """A recorded motion (K >= 2, J) in radians from ``.npy`` or from text with one comma-separated joint vector a line.
+
+    Raises:
+        ConfigError: not readable, wrong width, or not finite; names file and shape.
+    """
+    try:
+        is_binary = path.suffix == ".npy"
+        q = np.asarray(np.load(path, allow_pickle=False) if is_binary else np.loadtxt(path, delimiter=",", ndmin=2), dtype=np.float64)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"--motions {path}: cannot be read: {error}", facts={"path": str(path)}) from None
+    if q.ndim != 2 or q.shape[1] != n_joints or len(q) < 2 or not np.all(np.isfinite(q)):
+        raise ConfigError(
+            f"--motions {path}: expected finite joint vectors (K >= 2, {n_joints}), got shape {q.shape}", facts={"path": str(path)}
+        )
+    return q

@@ -1,0 +1,106 @@
+"""From a grown gas to a map that can be driven: what collides goes, one component stays, and it has exactly the wanted number of neurons.
+
+In this order, every step deterministic:
+
+1. neurons that hit the static layer or the arm itself go, then edges whose straight motion does;
+2. components are joined by the shortest free edges between them (at most ``bridge_max_rad``);
+3. what still is apart from the largest component goes;
+4. the neurons that are missing now are taken from the samples: each time the sample worst represented so far becomes a neuron, joined to
+   its nearest neurons by free edges (the insertion rule of "growing when required", Marsland et al. 2002, with the samples themselves,
+   which are known to be free, as places).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import KDTree
+
+from services.planner.core.cognitive_map import CognitiveMap, components
+
+__all__ = ["fill_up", "join_components", "largest_component", "prune", "without_collisions"]
+
+F64 = NDArray[np.float64]
+PoseCheck = Callable[[F64], bool]  # q (J,): free?
+MotionCheck = Callable[[F64, F64], bool]  # from, to (J,): free?
+
+BRIDGE_ATTEMPTS = 50  # our choice: pairs of neurons that are tried to join a component
+
+
+def prune(
+    grown: CognitiveMap,
+    samples_rad: F64,
+    n_neurons: int,
+    *,
+    pose_is_free: PoseCheck,
+    motion_is_free: MotionCheck,
+    bridge_max_rad: float,
+    join_neighbours: int,
+) -> CognitiveMap:
+    """The map of ``n_neurons`` in one component as the module says; fewer neurons only if no sample can be joined any more."""
+    free = without_collisions(grown, pose_is_free, motion_is_free)
+    joined = join_components(free, motion_is_free, bridge_max_rad)
+    whole = largest_component(joined)
+    return fill_up(whole, samples_rad, n_neurons, motion_is_free, join_neighbours)
+
+
+def without_collisions(grown: CognitiveMap, pose_is_free: PoseCheck, motion_is_free: MotionCheck) -> CognitiveMap:
+    """The neurons that are free, and the edges between them whose straight motion is."""
+    kept = grown.subset(np.array([pose_is_free(q) for q in grown.q_rad], dtype=np.bool_))
+    free = np.array([motion_is_free(kept.q_rad[a], kept.q_rad[b]) for a, b in kept.edges], dtype=np.bool_)
+    return CognitiveMap(kept.q_rad, kept.edges[free])
+
+
+def join_components(apart: CognitiveMap, motion_is_free: MotionCheck, bridge_max_rad: float) -> CognitiveMap:
+    """Bridges of free edges, shortest first, from each component to any other, until none is left that can be joined."""
+    edges = apart.edges
+    while True:
+        labels = components(apart.n_neurons, edges)
+        apart_ones = np.argsort(-np.bincount(labels), kind="stable")[1:]  # all but the largest
+        bridges = [_bridge(apart.q_rad, labels == c, motion_is_free, bridge_max_rad) for c in apart_ones]
+        found = [bridge for bridge in bridges if bridge is not None]
+        if not found:
+            return CognitiveMap.of(apart.q_rad, edges)
+        edges = CognitiveMap.of(apart.q_rad, np.vstack([edges, found])).edges
+
+
+def _bridge(q_rad: F64, inside: NDArray[np.bool_], motion_is_free: MotionCheck, bridge_max_rad: float) -> tuple[int, int] | None:
+    here, there = np.flatnonzero(inside), np.flatnonzero(~inside)
+    distance, nearest = KDTree(q_rad[there]).query(q_rad[here], distance_upper_bound=bridge_max_rad)
+    for k in np.argsort(distance, kind="stable")[:BRIDGE_ATTEMPTS]:
+        if not np.isfinite(distance[k]):
+            break
+        a, b = int(here[k]), int(there[nearest[k]])
+        if motion_is_free(q_rad[a], q_rad[b]):
+            return a, b
+    return None
+
+
+def largest_component(joined: CognitiveMap) -> CognitiveMap:
+    """The largest component; of equals the one with the lowest neuron."""
+    labels = components(joined.n_neurons, joined.edges)
+    return joined.subset(labels == np.argmax(np.bincount(labels)))
+
+
+def fill_up(whole: CognitiveMap, samples_rad: F64, n_neurons: int, motion_is_free: MotionCheck, join_neighbours: int) -> CognitiveMap:
+    """``whole`` with neurons added at the worst represented samples, each joined by free edges, until there are ``n_neurons``."""
+    n = whole.n_neurons
+    q = np.empty((max(n, n_neurons), samples_rad.shape[1]))
+    q[:n] = whole.q_rad
+    edges = [whole.edges.astype(np.int64)]
+    distance, _ = KDTree(whole.q_rad).query(samples_rad)
+    while n < n_neurons and distance.max() > 0.0:
+        worst = int(np.argmax(distance))
+        sample = samples_rad[worst]
+        nearest = np.argsort(np.linalg.norm(q[:n] - sample, axis=1), kind="stable")[:join_neighbours]
+        free = [int(k) for k in nearest if motion_is_free(q[k], sample)]
+        if not free:
+            distance[worst] = 0.0  # cannot be joined from here: left out
+            continue
+        q[n] = sample
+        edges.append(np.array([(k, n) for k in free], dtype=np.int64))
+        distance = np.minimum(distance, np.linalg.norm(samples_rad - sample, axis=1))
+        n += 1
+    return CognitiveMap.of(q[:n], np.vstack(edges))

@@ -1,0 +1,287 @@
+"""The planner service: inboxes -> reflex -> trajectories, status, events; questions to a thread of their own. No rule lives here."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from common.bus.service import Vitals
+from common.bus.session import Bus, Command
+from common.cell import CellConfig
+from common.clock import ClockOffset, monotonic_ns, utc_ns
+from common.errors import RequestError, TolmanError
+from common.wire.messages import (
+    Ack,
+    CancelGoal,
+    Demonstration,
+    GoalAccepted,
+    MapQuery,
+    PlannerEvent,
+    PlannerStatus,
+    PlanRequest,
+    RobotState,
+    SetGoal,
+    Trajectory,
+    VoxelFrame,
+)
+from services.planner.assemble import Parts, assemble
+from services.planner.config import PlannerConfig
+from services.planner.core.reflex import Event, Goal, Reflex
+from services.planner.core.underway import ArmState, Sent
+from services.planner.inspection import map_reply
+from services.planner.questions import QuestionDesk, branches_of
+
+__all__ = ["Planner"]
+
+log = logging.getLogger("planner")
+STATUS_NS = 100_000_000  # PROTOCOL: 10 Hz and on change
+STEP_NS = 20_000_000  # our choice: rules that depend on time alone are looked at so often
+EVENTS_KEPT = 200  # PROTOCOL
+QUESTIONS_WAITING = 16  # our choice; more are answered "busy"
+NS = 1e9
+
+
+class Planner:
+    """The shell around :class:`~services.planner.core.reflex.Reflex`."""
+
+    def __init__(self, bus: Bus, cell: CellConfig, config: PlannerConfig, vitals: Vitals) -> None:
+        self._bus = bus
+        self._cell = cell
+        self._config = config
+        self._vitals = vitals
+        self._robot_clock, self._frame_clock = ClockOffset(), ClockOffset()
+        self._n_goals = 0
+        self._n_events = 0
+        self._next_status_ns = 0
+        self._last_state = ""
+        self._q_now = None
+        self._wrong_grid = False
+
+    def warm_up(self) -> None:
+        """Load robot and map, compile the kernels on a question of our own, then open the inboxes."""
+        self._parts = assemble(self._cell, self._config, _log_progress())
+        self._resolver = self._parts.goal_resolver()
+        self._reflex: Reflex = self._parts.reflex(monotonic_ns, f"{self._bus.epoch:x}")
+        desk = QuestionDesk(self._parts, monotonic_ns)
+        home, near = self._parts.robot.home_rad, self._parts.roadmap.neurons_rad[0]
+        for search in ("dijkstra", "wavefront"):
+            request = PlanRequest(q_start_rad=home, goal=SetGoal(q_rad=near), search=search)
+            desk.answer(request, home, np.arange(0, self._parts.grid.n_cells, 97, dtype=np.int32))
+            desk.answer(request, home, np.empty(0, dtype=np.int32))
+        self._questions = _Worker(desk, self._vitals)
+        self._open_inboxes()
+
+    def _open_inboxes(self) -> None:
+        bus = self._bus
+        self._states = bus.latest("robot/state", RobotState)
+        self._frames = bus.latest("perception/voxels", VoxelFrame)
+        self._trajectories = bus.publisher("planner/trajectory", Trajectory)
+        self._statuses = bus.publisher("planner/status", PlannerStatus)
+        self._events = bus.publisher("planner/event", PlannerEvent, history=EVENTS_KEPT)
+        self._goals = bus.commands("planner/goal", SetGoal)
+        self._cancels = bus.commands("planner/cancel", CancelGoal)
+        self._plans = bus.commands("planner/plan", PlanRequest)
+        self._learns = bus.commands("planner/learn", Demonstration)
+        self._maps = bus.commands("planner/map", MapQuery)
+
+    def fingerprints(self) -> dict[str, str]:
+        """For ``planner/info``."""
+        return self._parts.fingerprints
+
+    def close(self) -> None:
+        """End the questions' thread."""
+        if hasattr(self, "_questions"):
+            self._questions.close()
+
+    def step(self, now_ns: int) -> int | None:
+        """Listen, let the reflex act, send, answer."""
+        self._listen(now_ns)
+        sent, events = self._reflex.step(now_ns / NS)
+        for trajectory in sent:
+            self._send(trajectory, now_ns)
+        for event in events:
+            self._publish_event(event)
+        self._answer()
+        if now_ns >= self._next_status_ns or self._reflex.report.state != self._last_state or sent:
+            self._publish_status(now_ns)
+        return now_ns + STEP_NS
+
+    # --- in ---
+
+    def _listen(self, now_ns: int) -> None:
+        state = self._states.take()
+        if state is not None and state.message.dq_reference_rad_s is not None:
+            message = state.message
+            self._robot_clock.observe(message.stamp_ns, state.arrival_ns)
+            self._q_now = message.q_reference_rad
+            self._reflex.hear(
+                ArmState(
+                    at_s=self._robot_clock.to_monotonic(message.stamp_ns) / NS,
+                    q_reference_rad=message.q_reference_rad,
+                    dq_reference_rad_s=message.dq_reference_rad_s,
+                    standing=message.mode not in ("tracking", "stopping"),
+                    mode=message.mode,
+                    reason=message.reason,
+                    trajectory_id=message.trajectory_id,
+                    trajectory_time_s=message.trajectory_time_s,
+                    accepted_utc_ns=message.trajectory_accepted_ns,
+                ),
+                now_ns / NS,
+            )
+        frame = self._frames.take()
+        if frame is not None:
+            self._see(frame.message, frame.arrival_ns, now_ns)
+
+    def _see(self, frame: VoxelFrame, arrival_ns: int, now_ns: int) -> None:
+        self._wrong_grid = frame.grid.fingerprint != self._parts.grid.fingerprint
+        if self._wrong_grid:
+            self._vitals.count("foreign_frames")
+            return
+        used = [camera for camera in frame.cameras if camera.used]
+        published = [camera.published_ns for camera in used if camera.published_ns]
+        # The stamp to learn the clock from is the latest one made before sending; the frame's own stamp is an exposure.
+        self._frame_clock.observe(max([frame.stamp_ns, *published]), arrival_ns)
+        exposure_s = self._frame_clock.to_monotonic(frame.stamp_ns) / NS
+        self._vitals.meter("frames").tick(now_ns, (now_ns / NS - exposure_s) * 1e3)
+        self._reflex.see(now_ns / NS, exposure_s, frame.cells, frame.seq, min(published, default=frame.stamp_ns))
+
+    # --- out ---
+
+    def _send(self, sent: Sent, now_ns: int) -> None:
+        # From our monotonic clock to the UTC stamp of the contract.
+        start_utc_ns = utc_ns() + round(sent.start_s * NS) - monotonic_ns()
+        self._trajectories.publish(
+            Trajectory(
+                id=sent.id,
+                goal_id=sent.goal_id,
+                kind=sent.kind,
+                start_ns=start_utc_ns,
+                t_s=sent.curve.t_s,
+                q_rad=np.ascontiguousarray(sent.curve.q_rad),
+                dq_rad_s=np.ascontiguousarray(sent.curve.dq_rad_s),
+                splice_trajectory_id=sent.splice[0] if sent.splice else None,
+                splice_time_s=sent.splice[1] if sent.splice else None,
+                voxels_seq=self._reflex.voxels_seq,
+            )
+        )
+        self._vitals.meter("trajectories").tick(now_ns, self._reflex.report.timing_ms.get("total"))
+
+    def _publish_event(self, event: Event) -> None:
+        self._n_events += 1
+        log.info("%s %s %s", event.kind, event.goal_id or "", event.facts or "")
+        self._events.publish(PlannerEvent(number=self._n_events, kind=event.kind, goal_id=event.goal_id, facts=event.facts))
+
+    def _publish_status(self, now_ns: int) -> None:
+        report, reflex = self._reflex.report, self._reflex
+        self._next_status_ns = now_ns + STATUS_NS
+        self._last_state = report.state
+        self._vitals.reasons = ["perception uses another grid"] if self._wrong_grid else []
+        self._vitals.counters["smoothing_fallbacks"] = report.smoothing_fallbacks
+        self._statuses.publish(
+            PlannerStatus(
+                state=report.state,  # type: ignore[arg-type]
+                goal_id=reflex.goal.id if reflex.goal else None,
+                reason=report.reason,
+                rule=report.rule,  # type: ignore[arg-type]
+                way="map" if report.path_length_rad is not None else None,
+                rules=self._config.rules,
+                model=self._parts.roadmap.model,
+                n_neurons=self._parts.roadmap.n_neurons,
+                n_blocked=reflex.vision.counts.n_blocked,
+                path_length_rad=report.path_length_rad,
+                path_neurons=report.path_neurons,
+                timing_ms=report.timing_ms,
+                reaction_ms=report.reaction_ms,
+                replans=report.replans,
+                accepted=report.accepted,
+            )
+        )
+
+    # --- commands ---
+
+    def _answer(self) -> None:
+        for goal in self._goals.take_all():
+            _reply(goal, self._set_goal)
+        for cancel in self._cancels.take_all():
+            _reply(cancel, self._cancel)
+        for query in self._maps.take_all():
+            _reply(query, lambda request: map_reply(request, self._parts, self._reflex))
+        for lesson in self._learns.take_all():
+            lesson.fail(RequestError("this version does not learn while it runs; use tolman build --motions", code="unsupported"))
+        for plan in self._plans.take_all():
+            if not self._questions.offer(plan, self._q_now, self._reflex.vision.counts.cells):
+                plan.fail(RequestError(f"{QUESTIONS_WAITING} questions are waiting already", code="busy"))
+
+    def _set_goal(self, request: SetGoal) -> GoalAccepted:
+        branches = branches_of(request, self._resolver)
+        self._n_goals += 1
+        goal_id = f"goal-{self._bus.epoch:x}-{self._n_goals}"
+        self._reflex.set_goal(Goal(goal_id, branches, request.speed_scale or 1.0))
+        return GoalAccepted(goal_id=goal_id)
+
+    def _cancel(self, request: CancelGoal) -> Ack:
+        goal = self._reflex.goal
+        if request.goal_id is not None and (goal is None or goal.id != request.goal_id):
+            raise RequestError(f"goal_id: {request.goal_id!r} is not the present goal", code="unknown_goal")
+        self._reflex.cancel()
+        return Ack()
+
+
+def _reply(command: Command[Any], action: Callable[[Any], Any]) -> None:
+    try:
+        command.reply(action(command.request))
+    except TolmanError as error:
+        command.fail(error)
+
+
+def _log_progress() -> Callable[[str, float], None]:
+    said: dict[str, int] = {}
+
+    def progress(stage: str, share: float) -> None:
+        tenth = int(share * 10)
+        if said.get(stage) != tenth:
+            said[stage] = tenth
+            log.info("building the map: %s %d %%", stage, tenth * 10)
+
+    return progress
+
+
+class _Worker:
+    """A thread that answers questions one by one from a bounded queue."""
+
+    def __init__(self, desk: QuestionDesk, vitals: Vitals) -> None:
+        self._desk = desk
+        self._vitals = vitals
+        self._waiting: queue.Queue[tuple[Command[PlanRequest], Any, Any] | None] = queue.Queue(QUESTIONS_WAITING)
+        self._thread = threading.Thread(target=self._run, name="questions", daemon=True)
+        self._thread.start()
+
+    def offer(self, command: Command[PlanRequest], q_now: Any, cells: Any) -> bool:
+        """Take a question if there is room."""
+        try:
+            self._waiting.put_nowait((command, q_now, cells))
+        except queue.Full:
+            return False
+        return True
+
+    def close(self) -> None:
+        """Answer no more."""
+        self._waiting.put(None)
+        self._thread.join(timeout=2.0)
+
+    def _run(self) -> None:
+        while (item := self._waiting.get()) is not None:
+            command, q_now, cells = item
+            began_ns = monotonic_ns()
+            try:
+                _reply(command, lambda request, q=q_now, c=cells: self._desk.answer(request, q, c))
+            except Exception:  # a question may never end the desk
+                log.exception("a question failed")
+                command.fail(RequestError("the planner could not answer this; see its log", code="internal"))
+            now_ns = monotonic_ns()
+            self._vitals.meter("questions").tick(now_ns, (now_ns - began_ns) / 1e6)
