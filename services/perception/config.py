@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Annotated
 
+import msgspec
 from msgspec import Meta
 
 from common.config import Strict
@@ -26,7 +27,7 @@ class PerceptionConfig(Strict, frozen=True, kw_only=True):
     max_range_m: Positive
     min_points: Count
     self_margin_m: NotNegative
-    self_margin_of_body_m: dict[str, NotNegative] = {}
+    self_margin_of_body_m: dict[str, NotNegative] = msgspec.field(default_factory=dict)
     shadow_depth_m: NotNegative
     set_deadline_s: Positive
     max_age_s: Positive

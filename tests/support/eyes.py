@@ -81,20 +81,26 @@ class Eyes:
     ) -> NDArray[np.int32]:
         """One set at 15 Hz: occupied cells after it. ``q_filter_rad``: where perception believes the arm to be (default: the truth)."""
         images = self.depth_images(q_rad, shapes)
-        t = [time.perf_counter()]
+        started = time.perf_counter()
         exposures = self.exposures(q_rad if q_filter_rad is None else q_filter_rad, images, missing)
-        t.append(time.perf_counter())
+        self.ms.setdefault("project", []).append((time.perf_counter() - started) * 1e3)
+        cells = self.fuse(exposures, self.frame / 15.0)
+        self.ms.setdefault("total", []).append((time.perf_counter() - started) * 1e3)
+        self.frame += 1
+        return cells
+
+    def fuse(self, exposures: Sequence[Exposure], now_s: float) -> NDArray[np.int32]:
+        """Occupied cells after a set; the shadows among them are kept in ``shadow_cells``."""
+        t = [time.perf_counter()]
         self.occupancy.begin()
         for exposure in exposures:
             self.occupancy.splat(exposure)
         t.append(time.perf_counter())
-        self.occupancy.settle(exposures, self.frame / 15.0)
+        self.occupancy.settle(exposures, now_s)
         t.append(time.perf_counter())
         self.shadow_cells = self.occupancy.shadows(exposures)
         cells = self.occupancy.cells(self.shadow_cells)
         t.append(time.perf_counter())
-        for name, a, b in zip(("project", "splat", "settle", "shadows"), t[:-1], t[1:], strict=True):
+        for name, a, b in zip(("splat", "settle", "shadows"), t[:-1], t[1:], strict=True):
             self.ms.setdefault(name, []).append((b - a) * 1e3)
-        self.ms.setdefault("total", []).append((t[-1] - t[0]) * 1e3)
-        self.frame += 1
         return cells

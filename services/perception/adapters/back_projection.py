@@ -15,10 +15,10 @@ U16 = NDArray[np.uint16]
 
 def back_project(depth_mm: U16, fx_px: float, fy_px: float, cx_px: float, cy_px: float, T_camera_world: F64, max_range_m: float) -> F32:
     """World points (P, 3) float32 of all pixels of ``depth_mm`` (H, W) that returned something up to ``max_range_m``, in no order."""
-    intrinsics = o3d.core.Tensor([[fx_px, 0.0, cx_px], [0.0, fy_px, cy_px], [0.0, 0.0, 1.0]], o3d.core.float64)
+    intrinsics = np.array([[fx_px, 0.0, cx_px], [0.0, fy_px, cy_px], [0.0, 0.0, 1.0]])
     cloud = o3d.t.geometry.PointCloud.create_from_depth_image(
         o3d.t.geometry.Image(o3d.core.Tensor.from_numpy(depth_mm)),
-        intrinsics,
+        o3d.core.Tensor.from_numpy(intrinsics),
         o3d.core.Tensor.from_numpy(np.ascontiguousarray(T_camera_world)),
         depth_scale=1000.0,
         depth_max=max_range_m,

@@ -8,14 +8,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.robot.kernels import BodyGrids, Chain, forward_kinematics
-from common.robot.solids import GRID_REACH_M, GRID_SPACING_M
+from common.robot.kernels import FAR, BodyGrids, Chain, forward_kinematics
+from common.robot.solids import GRID_SPACING_M
 
 __all__ = ["ArmState", "arm_at", "margins_of"]
 
 F64 = NDArray[np.float64]
-# A grid knows distances to its reach less one voxel; beyond, it answers FAR and the point could not be told from a thing.
-LARGEST_DISTANCE_M = GRID_REACH_M - 2.0 * GRID_SPACING_M
+LARGEST_DISTANCE_M = FAR  # beyond, a body's grid cannot tell: a point farther from the arm is never the arm
 
 
 class ArmState(NamedTuple):
@@ -34,10 +33,11 @@ def margins_of(names: Sequence[str], default_m: float, special_m: Mapping[str, f
 
 
 def arm_at(chain: Chain, grids: BodyGrids, q_rad: F64, margin_m: F64, sigmas: float) -> ArmState:
-    """The arm at joint vector ``q_rad`` (J,); ``margin_m`` (B,): what is nearer than this to a body is the body, range noise not counted."""
+    """The arm at joint vector ``q_rad`` (J,); what is nearer to a body than ``margin_m`` (B,) and range noise is the body."""
     n = len(q_rad) + 1
     rotation, translation = np.empty((n, 3, 3)), np.empty((n, 3))
     forward_kinematics(chain, np.ascontiguousarray(q_rad, dtype=np.float64), rotation, translation)
     R, t = rotation[grids.body_joint], translation[grids.body_joint]
     centre = np.einsum("bij,bj->bi", R, grids.bound_centre_m) + t
-    return ArmState(np.column_stack([centre, grids.bound_radius_m, margin_m, R.reshape(-1, 9), t]), sigmas)
+    radius = grids.bound_radius_m + GRID_SPACING_M * np.sqrt(3.0)  # a voxel answers for its nearest point: up to a diagonal too little
+    return ArmState(np.column_stack([centre, radius, margin_m, R.reshape(-1, 9), t]), sigmas)

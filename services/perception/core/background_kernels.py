@@ -27,8 +27,8 @@ def solid_distance(kind, size_x, size_y, size_z, x, y, z):  # type: ignore[no-un
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def _nearest_solid(solids, x, y, z):  # type: ignore[no-untyped-def]
-    best = math.inf
+def _near_solid(solids, bound_m, x, y, z):  # type: ignore[no-untyped-def]
+    """Whether a point is in a solid or nearer than ``bound_m`` to one."""
     for s in range(len(solids)):
         a, b, c = x - solids[s, 13], y - solids[s, 14], z - solids[s, 15]
         distance = solid_distance(
@@ -40,15 +40,16 @@ def _nearest_solid(solids, x, y, z):  # type: ignore[no-untyped-def]
             solids[s, 5] * a + solids[s, 8] * b + solids[s, 11] * c,
             solids[s, 6] * a + solids[s, 9] * b + solids[s, 12] * c,
         )
-        best = min(best, distance)
-    return best
+        if distance < bound_m:
+            return True
+    return False
 
 
 @njit(cache=True, nogil=True)
 def flag_near_solids(solids, centres_m, reach_m, near):  # type: ignore[no-untyped-def]
-    """Fill ``near`` (C,): 1 where a cell centre (C, 3) is within ``reach_m`` of one of ``solids`` (S, 16)."""
+    """Fill ``near`` (C,): 1 where a cell centre (C, 3) is nearer than ``reach_m`` to one of ``solids`` (S, 16)."""
     for c in range(len(centres_m)):
-        near[c] = _nearest_solid(solids, centres_m[c, 0], centres_m[c, 1], centres_m[c, 2]) <= reach_m
+        near[c] = _near_solid(solids, reach_m, centres_m[c, 0], centres_m[c, 1], centres_m[c, 2])
 
 
 @njit(cache=True, nogil=True, forceinline=True)
@@ -62,9 +63,11 @@ def is_background(rules, solids, near, cell, x, y, z, depth_m, sigma_m, camera_z
         depth_m, sigma_m: its depth and range noise.
         camera_z: height of the camera.
     """
-    slope = abs(camera_z - z) / depth_m
-    if z - rules.table_z_m < min(max(rules.sigmas, rules.plane_sigmas * slope) * sigma_m, LARGEST_BOUND_M):
+    # The ray's slope is |camera_z - z| / depth; multiplied through by the depth, because a division costs more than all the rest.
+    bound = max(rules.sigmas * depth_m, rules.plane_sigmas * abs(camera_z - z)) * sigma_m
+    above = (z - rules.table_z_m) * depth_m
+    if above < min(bound, LARGEST_BOUND_M * depth_m):
         return True
     if cell < 0 or near[cell] == 0:
         return False
-    return _nearest_solid(solids, x, y, z) < min(rules.sigmas * sigma_m, LARGEST_BOUND_M)
+    return _near_solid(solids, min(rules.sigmas * sigma_m, LARGEST_BOUND_M), x, y, z)

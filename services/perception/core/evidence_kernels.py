@@ -1,4 +1,7 @@
-"""Numba kernels of the evidence: hits occupy at once, misses clear in time, hidden cells keep. Twin: ``tests/support/slow_perception.py``."""
+"""Numba kernels of the evidence: hits occupy at once, misses clear in time, hidden cells keep.
+
+Twin: ``tests/support/slow_perception.py``.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from services.perception.core.look_kernels import OUT_OF_VIEW, PROBABLY_FREE, SEEN_THROUGH
-from services.perception.core.splat_kernels import centre_of
+from services.perception.core.splat_kernels import cell_of, centre_of
 
 __all__ = ["Evidence", "age", "centres_with_bound", "new_evidence", "settle", "shadow_candidates"]
 
@@ -20,7 +23,7 @@ class Evidence(NamedTuple):
     occupied: NDArray[np.uint8]  # (cells,)
     misses: NDArray[np.uint8]  # (cells,) weighted misses since the last hit
     cameras: NDArray[np.uint8]  # (cells,) bits of the cameras that gave the last hit
-    hit_set: NDArray[np.int64]  # (cells,) number of the set of the last hit
+    touched_set: NDArray[np.int64]  # (cells,) number of the last set with a point in the cell
     in_view_s: NDArray[np.float64]  # (cells,) when it was last hit or within a view
     active: NDArray[np.int32]  # (cells,) the first ``n`` are the occupied cells, in no order
 
@@ -39,14 +42,17 @@ def new_evidence(n_cells: int) -> Evidence:
 
 @njit(cache=True, nogil=True)
 def settle(counts, n_touched, min_points, set_number, now_s, evidence, n_active):  # type: ignore[no-untyped-def]
-    """Turn the counts of a set into hits and empty them; returns the number of occupied cells."""
+    """Turn the counts of a set into hits and empty them; returns the number of occupied cells.
+
+    Fewer points than ``min_points`` are no hit, but they are no sign of emptiness either: such a cell is not aged in this set.
+    """
     points, cameras, touched = counts.points, counts.cameras, counts.touched
-    occupied, active, misses, seen_by, hit_set, in_view_s = (
+    occupied, active, misses, seen_by, touched_set, in_view_s = (
         evidence.occupied,
         evidence.active,
         evidence.misses,
         evidence.cameras,
-        evidence.hit_set,
+        evidence.touched_set,
         evidence.in_view_s,
     )
     for i in range(n_touched):
@@ -58,8 +64,8 @@ def settle(counts, n_touched, min_points, set_number, now_s, evidence, n_active)
                 n_active += 1
             misses[cell] = 0
             seen_by[cell] = cameras[cell]
-            hit_set[cell] = set_number
             in_view_s[cell] = now_s
+        touched_set[cell] = set_number
         points[cell] = 0
         cameras[cell] = 0
     return n_active
@@ -80,7 +86,7 @@ def age(evidence, n_active, set_number, now_s, verdict, inside, weights, decay_s
     Args:
         evidence: in and out.
         n_active: occupied cells before.
-        set_number: this set; cells hit in it are left alone.
+        set_number: this set; cells touched in it are left alone.
         now_s: time of the set.
         verdict: (N,) of :func:`look_at_cells` for ``evidence.active``.
         inside: (N,) 1 where the arm itself is: nothing else can be there.
@@ -90,7 +96,7 @@ def age(evidence, n_active, set_number, now_s, verdict, inside, weights, decay_s
     kept = 0
     for i in range(n_active):
         cell = evidence.active[i]
-        if evidence.hit_set[cell] != set_number:
+        if evidence.touched_set[cell] != set_number:
             misses = int(evidence.misses[cell])
             if verdict[i] != OUT_OF_VIEW:
                 evidence.in_view_s[cell] = now_s
@@ -139,12 +145,9 @@ def shadow_candidates(frame, evidence, n_active, camera_m, n_cameras, depth_m, s
             dx, dy, dz = x - camera_m[camera, 0], y - camera_m[camera, 1], z - camera_m[camera, 2]
             scale = step / max((dx * dx + dy * dy + dz * dz) ** 0.5, 1e-9)
             for s in range(1, n_steps + 1):
-                fx = (x + dx * scale * s - frame.x0) / frame.resolution_m
-                fy = (y + dy * scale * s - frame.y0) / frame.resolution_m
-                fz = (z + dz * scale * s - frame.z0) / frame.resolution_m
-                if not (0.0 <= fx < frame.nx and 0.0 <= fy < frame.ny and 0.0 <= fz < frame.nz):
+                behind = cell_of(frame, x + dx * scale * s, y + dy * scale * s, z + dz * scale * s)
+                if behind < 0:
                     break
-                behind = (int(fx) * frame.ny + int(fy)) * frame.nz + int(fz)
                 if occupied[behind] == 0 and visited[behind] != set_number:
                     visited[behind] = set_number
                     out[n_out] = behind

@@ -17,10 +17,8 @@ import math
 
 from numba import njit
 
-from common.robot.kernels import FAR
-from services.perception.core.arm_kernels import arm_distance
 from services.perception.core.background_kernels import is_background
-from services.perception.core.splat_kernels import centre_of
+from services.perception.core.splat_kernels import cell_of, centre_of
 
 __all__ = ["NO_EVIDENCE", "OUT_OF_VIEW", "PROBABLY_FREE", "SEEN_THROUGH", "look_at_cells"]
 
@@ -43,60 +41,66 @@ def _depth_around(depth_mm, v, u):  # type: ignore[no-untyped-def]
     return nearest * 0.001
 
 
-@njit(cache=True, nogil=True, inline="always")
-def _known_surface(frame, optics, R, t, rules, solids, near, bodies, arm_sigmas, grids, depth, u, v):  # type: ignore[no-untyped-def]
-    """Verdict on a cell whose centre lies before the surface measured at pixel (u, v): does that surface belong to something known?"""
+@njit(cache=True, nogil=True, forceinline=True)
+def _surface_at(optics, R, t, depth, u, v):  # type: ignore[no-untyped-def]
+    """World point of pixel (u, v) at a depth."""
     a, b = (u - optics.cx_px) / optics.fx_px * depth, (v - optics.cy_px) / optics.fy_px * depth
-    x = R[0, 0] * a + R[0, 1] * b + R[0, 2] * depth + t[0]
-    y = R[1, 0] * a + R[1, 1] * b + R[1, 2] * depth + t[1]
-    z = R[2, 0] * a + R[2, 1] * b + R[2, 2] * depth + t[2]
-    sigma = optics.sigma_per_m2 * depth * depth
-    i, j, k = (x - frame.x0) / frame.resolution_m, (y - frame.y0) / frame.resolution_m, (z - frame.z0) / frame.resolution_m
-    cell = -1
-    if 0.0 <= i < frame.nx and 0.0 <= j < frame.ny and 0.0 <= k < frame.nz:
-        cell = (int(i) * frame.ny + int(j)) * frame.nz + int(k)
-    if is_background(rules, solids, near, cell, x, y, z, depth, sigma, t[2]):
-        return SEEN_THROUGH
-    if arm_distance(bodies, grids, arm_sigmas * sigma, x, y, z) < FAR:
-        return PROBABLY_FREE
-    return NO_EVIDENCE
+    return (
+        R[0, 0] * a + R[0, 1] * b + R[0, 2] * depth + t[0],
+        R[1, 0] * a + R[1, 1] * b + R[1, 2] * depth + t[1],
+        R[2, 0] * a + R[2, 1] * b + R[2, 2] * depth + t[2],
+    )
 
 
 @njit(cache=True, nogil=True)
-def look_at_cells(frame, cells, n_cells, view, background, arm, grids, verdict):  # type: ignore[no-untyped-def]
+def look_at_cells(frame, cells, n_cells, view, background, arm_sigmas, verdict, asked, asked_m):  # type: ignore[no-untyped-def]
     """Raise ``verdict[i]`` to what this exposure says about ``cells[i]``, i < n_cells: the strongest of all exposures remains.
 
     Args:
         frame: the grid.
         cells: (N,) i4 flat indices.
         n_cells: how many of them.
-        view, background, arm, grids: the exposure and what is known to be there.
+        view, background: the exposure and what is bolted down.
+        arm_sigmas: range noise bound of the self-filter, in sigma(z).
         verdict: (N,) u1, in and out; begin with OUT_OF_VIEW.
+        asked: (N,) i4 out: which i are PROBABLY_FREE if the surface behind them is the arm's.
+        asked_m: (N, 4) out: those surface points and their bound, for :func:`services.perception.core.arm_kernels.arm_mask`.
+
+    Returns:
+        how many were asked.
     """
     optics, R, t, depth_mm = view.optics, view.rotation, view.translation, view.depth_mm
-    rules, solids, near, bodies = background.rules, background.solids, background.near, arm.bodies
+    rules, solids, near = background.rules, background.solids, background.near
     height, width = depth_mm.shape
     half = frame.resolution_m * HALF_DIAGONAL
+    n_asked = 0
     for i in range(n_cells):
         x, y, z = centre_of(frame, cells[i])
         a, b, c = x - t[0], y - t[1], z - t[2]
         depth = R[0, 2] * a + R[1, 2] * b + R[2, 2] * c
         if depth < optics.min_range_m:
             continue
-        u = int(math.floor((R[0, 0] * a + R[1, 0] * b + R[2, 0] * c) / depth * optics.fx_px + optics.cx_px + 0.5))
-        v = int(math.floor((R[0, 1] * a + R[1, 1] * b + R[2, 1] * c) / depth * optics.fy_px + optics.cy_px + 0.5))
+        u = math.floor((R[0, 0] * a + R[1, 0] * b + R[2, 0] * c) / depth * optics.fx_px + optics.cx_px + 0.5)
+        v = math.floor((R[0, 1] * a + R[1, 1] * b + R[2, 1] * c) / depth * optics.fy_px + optics.cy_px + 0.5)
         if not (0 <= u < width and 0 <= v < height):
             continue
         measured = _depth_around(depth_mm, v, u)
         gap = measured - depth
+        sigma = optics.sigma_per_m2 * measured * measured
+        seen = NO_EVIDENCE
         if measured == 0.0:
             seen = PROBABLY_FREE
-        elif gap <= 0.0:
-            seen = NO_EVIDENCE
-        elif gap > half + rules.sigmas * optics.sigma_per_m2 * measured * measured:
+        elif gap > half + rules.sigmas * sigma:
             seen = SEEN_THROUGH
-        else:
-            seen = _known_surface(frame, optics, R, t, rules, solids, near, bodies, arm.sigmas, grids, measured, u, v)
-            if gap > half:
-                seen = max(seen, PROBABLY_FREE)
+        elif gap > 0.0:
+            px, py, pz = _surface_at(optics, R, t, measured, u, v)
+            if is_background(rules, solids, near, cell_of(frame, px, py, pz), px, py, pz, measured, sigma, t[2]):
+                seen = SEEN_THROUGH
+            elif gap > half:
+                seen = PROBABLY_FREE
+            else:
+                asked[n_asked] = i
+                asked_m[n_asked, 0], asked_m[n_asked, 1], asked_m[n_asked, 2], asked_m[n_asked, 3] = px, py, pz, arm_sigmas * sigma
+                n_asked += 1
         verdict[i] = max(verdict[i], seen)
+    return n_asked

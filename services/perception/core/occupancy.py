@@ -116,7 +116,8 @@ class Occupancy:
         )
         self._look(self._candidates, n, exposures, self._grid.resolution_m * HALF_DIAGONAL)
         hidden = (self._verdict[:n] < PROBABLY_FREE) & (self._inside[:n] == 0)
-        return self._candidates[:n][hidden]
+        found: I32 = self._candidates[:n][hidden]
+        return found
 
     def cells(self, shadows: I32) -> I32:
         """Ascending flat indices (C,) of all that counts as occupied."""
@@ -125,9 +126,14 @@ class Occupancy:
     def _look(self, cells: I32, n: int, exposures: Sequence[Exposure], near_arm_m: float) -> None:
         self._verdict[:n] = OUT_OF_VIEW
         self._inside[:n] = 0
+        self._reserve(n)
         for e in exposures:
-            look_at_cells(self._frame, cells, n, e.view, self._background, e.arm, self._grids, self._verdict)
+            n_asked = look_at_cells(
+                self._frame, cells, n, e.view, self._background, e.arm.sigmas, self._verdict, self._point_cell, self._points_m
+            )
+            arm_mask(e.arm.bodies, self._grids, self._points_m, n_asked, self._is_arm)
+            before_arm = self._point_cell[:n_asked][self._is_arm[:n_asked] != 0]
+            self._verdict[before_arm] = np.maximum(self._verdict[before_arm], PROBABLY_FREE)
         if exposures:
-            self._reserve(n)
             centres_with_bound(self._frame, cells, n, near_arm_m, self._points_m)
             arm_mask(exposures[-1].arm.bodies, self._grids, self._points_m, n, self._inside)

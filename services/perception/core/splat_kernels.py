@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.geometry.grid import Grid
 from services.perception.core.background_kernels import is_background
 
-__all__ = ["Counts", "GridFrame", "centre_of", "count", "foreground", "frame_of", "new_counts"]
+__all__ = ["Counts", "GridFrame", "cell_of", "centre_of", "count", "foreground", "frame_of", "new_counts"]
 
 
 class GridFrame(NamedTuple):
@@ -36,7 +36,8 @@ class Counts(NamedTuple):
 
 def frame_of(grid: Grid) -> GridFrame:
     """The numbers of a grid."""
-    return GridFrame(*map(float, grid.origin_m), float(grid.resolution_m), *map(int, grid.shape))
+    (x0, y0, z0), (nx, ny, nz) = grid.origin_m, grid.shape
+    return GridFrame(float(x0), float(y0), float(z0), float(grid.resolution_m), nx, ny, nz)
 
 
 def new_counts(n_cells: int) -> Counts:
@@ -54,6 +55,16 @@ def centre_of(frame, cell):  # type: ignore[no-untyped-def]
     )
 
 
+@njit(cache=True, nogil=True, forceinline=True)
+def cell_of(frame, x, y, z):  # type: ignore[no-untyped-def]
+    """Flat index of the cell of a world point, -1 outside the grid."""
+    inverse = 1.0 / frame.resolution_m
+    fx, fy, fz = (x - frame.x0) * inverse, (y - frame.y0) * inverse, (z - frame.z0) * inverse
+    if not (0.0 <= fx < frame.nx and 0.0 <= fy < frame.ny and 0.0 <= fz < frame.nz):
+        return -1
+    return (int(fx) * frame.ny + int(fy)) * frame.nz + int(fz)
+
+
 @njit(cache=True, nogil=True)
 def foreground(frame, points_m, view, background, sigmas, kept_m, kept_cell):  # type: ignore[no-untyped-def]
     """Pick the points of one exposure that lie in the grid and are not background; returns how many.
@@ -67,18 +78,16 @@ def foreground(frame, points_m, view, background, sigmas, kept_m, kept_cell):  #
         kept_m: (>= P, 4) out: x, y, z and that bound in metres.
         kept_cell: (>= P,) i4 out: flat index of the point's cell.
     """
-    inverse = 1.0 / frame.resolution_m
     optics, R, t = view.optics, view.rotation, view.translation
     rules, solids, near = background.rules, background.solids, background.near
     n = 0
     for i in range(len(points_m)):
         x, y, z = float(points_m[i, 0]), float(points_m[i, 1]), float(points_m[i, 2])
-        fx, fy, fz = (x - frame.x0) * inverse, (y - frame.y0) * inverse, (z - frame.z0) * inverse
-        if not (0.0 <= fx < frame.nx and 0.0 <= fy < frame.ny and 0.0 <= fz < frame.nz):
+        cell = cell_of(frame, x, y, z)
+        if cell < 0:
             continue
         depth = R[0, 2] * (x - t[0]) + R[1, 2] * (y - t[1]) + R[2, 2] * (z - t[2])
         sigma = optics.sigma_per_m2 * depth * depth
-        cell = (int(fx) * frame.ny + int(fy)) * frame.nz + int(fz)
         if is_background(rules, solids, near, cell, x, y, z, depth, sigma, t[2]):
             continue
         kept_m[n, 0], kept_m[n, 1], kept_m[n, 2], kept_m[n, 3] = x, y, z, sigmas * sigma
