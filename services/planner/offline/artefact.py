@@ -1,8 +1,8 @@
 """The one file that a build makes: named arrays and plain metadata, versioned, checked, written whole or not at all.
 
-Layout: 8 bytes magic, uint64 length of the header, header (JSON), arrays one after the other. All little-endian; the header names version,
-fingerprints, every array's dtype, shape and place, and the SHA-256 of the array bytes. Nothing in it depends on when or where it was
-written, so equal content is equal bytes; numpy's npz would carry times, pickle could carry code.
+Layout: 8 bytes magic, 32 bytes SHA-256 of all that follows, uint64 length of the header, header (JSON), arrays one after the other. All
+little-endian; the header names version, fingerprints, and every array's dtype, shape and place. Nothing in it depends on when or where it
+was written, so equal content is equal bytes; numpy's npz would carry times, pickle could carry code.
 """
 
 from __future__ import annotations
@@ -25,6 +25,8 @@ __all__ = ["VERSION", "Artefact", "read", "write"]
 
 VERSION = 1  # raise when the meaning of an array changes
 MAGIC = b"tolman\x00\x01"
+DIGEST_BYTES = 32  # SHA-256
+PREFIX_BYTES = len(MAGIC) + DIGEST_BYTES + 8  # what stands before the header
 ALIGNMENT = 64  # bytes; arrays start on multiples of it
 KINDS = "biuf"  # bool, integers, floats
 
@@ -47,12 +49,16 @@ def write(path: Path, artefact: Artefact) -> str:
     """
     arrays = {name: _plain(name, array) for name, array in artefact.arrays.items()}
     header, blocks = _header(arrays, artefact)
-    digest = hashlib.sha256()
+    rest = [len(header).to_bytes(8, "little"), header, *blocks]
+    inner = hashlib.sha256()
+    for block in rest:
+        inner.update(block)
+    outer = hashlib.sha256()
     path.parent.mkdir(parents=True, exist_ok=True)
     with tempfile.NamedTemporaryFile(dir=path.parent, prefix=path.stem, suffix=".tmp", delete=False) as file:
         try:
-            for block in [MAGIC, len(header).to_bytes(8, "little"), header, *blocks]:
-                digest.update(block)
+            for block in [MAGIC, inner.digest(), *rest]:
+                outer.update(block)
                 file.write(block)
             file.flush()
             os.fsync(file.fileno())
@@ -61,7 +67,7 @@ def write(path: Path, artefact: Artefact) -> str:
         except BaseException:
             Path(file.name).unlink(missing_ok=True)
             raise
-    return digest.hexdigest()
+    return outer.hexdigest()
 
 
 def read(path: Path, expected: Mapping[str, str]) -> Artefact:
@@ -79,8 +85,6 @@ def read(path: Path, expected: Mapping[str, str]) -> Artefact:
     if header.get("version") != VERSION:
         facts = {"path": str(path), "found": str(header.get("version")), "expected": str(VERSION)}
         raise ArtefactError(f"{path}: version {header.get('version')}, this tolman reads {VERSION}", code="artefact_version", facts=facts)
-    if hashlib.sha256(body).hexdigest() != header.get("sha256"):
-        raise _torn(path, "its arrays do not have the SHA-256 that its header names")
     for what, value in expected.items():
         found = header["fingerprints"].get(what, "none")
         if found != value:
@@ -103,38 +107,32 @@ def _plain(name: str, array: NDArray[Any]) -> NDArray[Any]:
 
 def _header(arrays: Mapping[str, NDArray[Any]], artefact: Artefact) -> tuple[bytes, list[bytes]]:
     entries, blocks, offset = [], [], 0
-    digest = hashlib.sha256()
     for name in sorted(arrays):
         data = arrays[name].tobytes()
         data += bytes(-len(data) % ALIGNMENT)
         entries.append({"name": name, "dtype": arrays[name].dtype.str, "shape": list(arrays[name].shape), "offset": offset})
         blocks.append(data)
-        digest.update(data)
         offset += len(data)
     header = {
         "version": VERSION,
         "fingerprints": dict(artefact.fingerprints),
         "figures": dict(artefact.figures),
         "arrays": entries,
-        "sha256": digest.hexdigest(),
     }
     text = json.dumps(header, sort_keys=True, separators=(",", ":")).encode()
-    text += b" " * (-(len(MAGIC) + 8 + len(text)) % ALIGNMENT)
+    text += b" " * (-(PREFIX_BYTES + len(text)) % ALIGNMENT)
     return text, blocks
 
 
 def _split(path: Path, data: bytes) -> tuple[dict[str, Any], memoryview]:
-    start = len(MAGIC) + 8
     if data[: len(MAGIC)] != MAGIC:
         raise _torn(path, "it does not begin as a tolman artefact")
-    length = int.from_bytes(data[len(MAGIC) : start], "little")
-    try:
-        header = json.loads(data[start : start + length])
-    except ValueError:
-        raise _torn(path, "its header cannot be read") from None
-    if not isinstance(header, dict):
-        raise _torn(path, "its header is not a table")
-    return header, memoryview(data)[start + length :]
+    rest = memoryview(data)[len(MAGIC) + DIGEST_BYTES :]
+    if hashlib.sha256(rest).digest() != data[len(MAGIC) : len(MAGIC) + DIGEST_BYTES]:
+        raise _torn(path, "its bytes do not have the SHA-256 that it begins with")
+    length = int.from_bytes(rest[:8], "little")
+    header: dict[str, Any] = json.loads(bytes(rest[8 : 8 + length]))
+    return header, rest[8 + length :]
 
 
 def _array(body: memoryview, entry: Mapping[str, Any]) -> NDArray[Any]:

@@ -1,0 +1,117 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from common.errors import ArtefactError
+from services.planner.config import PlannerConfig
+from services.planner.core.world import no_cells
+from services.planner.kernels.collision import FREE
+from services.planner.offline import build, motion_store
+from services.planner.offline.build import Job
+from tests.support.cell import ur3_cell
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return tmp_path_factory.mktemp("cache")
+
+
+@pytest.fixture(scope="module")
+def job(small: PlannerConfig, cache: Path) -> Job:
+    return Job.of(ur3_cell(), small, cache=cache)
+
+
+@pytest.fixture(scope="module")
+def built(job: Job) -> build.Built:
+    return build.run(job)[0]
+
+
+def test_a_small_map_is_whole_free_and_told_in_figures(job: Job, built: build.Built) -> None:
+    figures = built.figures
+    assert (figures["neurons"], figures["components"], figures["trajectories"]) == (150, 1, 34)
+    assert figures["samples"] >= 1500 and figures["edges"] == len(built.learned.edges) and figures["table_bytes"] == built.table.n_bytes
+    checker, nothing = job.scene.checker(), no_cells(job.scene.grid)
+    q = built.learned.q_rad
+    assert all(checker.pose(nothing, p)[0] == FREE for p in q)
+    assert all(checker.segment(nothing, q[a], q[b]) for a, b in built.learned.edges)
+
+
+def test_progress_passes_through_all_stages(small: PlannerConfig, job: Job, built: build.Built, tmp_path: Path) -> None:
+    del built
+    told: list[tuple[str, float]] = []
+    _, seconds = build.run(job, lambda stage, share: told.append((stage, share)))
+    assert list(dict.fromkeys(stage for stage, _ in told)) == list(build.STAGES)
+    for stage in build.STAGES:
+        shares = [share for name, share in told if name == stage]
+        assert shares[0] == 0.0 and shares[-1] == 1.0 and shares == sorted(shares)
+    assert set(seconds) == {*build.STAGES, "total"}
+
+
+def test_what_is_kept_is_what_was_built(job: Job, built: build.Built) -> None:
+    kept = build.load(job)
+    assert kept.sha256 == built.sha256 and kept.figures == built.figures
+    np.testing.assert_array_equal(kept.learned.q_rad, built.learned.q_rad)
+    np.testing.assert_array_equal(kept.learned.edges, built.learned.edges)
+    for name in ("node_offset", "node_owner", "edge_offset", "edge_owner", "unavoidable"):
+        np.testing.assert_array_equal(getattr(kept.table, name), getattr(built.table, name))
+        assert getattr(kept.table, name).dtype == getattr(built.table, name).dtype
+
+
+def test_built_anew_by_two_processes_it_is_the_same_bytes(small: PlannerConfig, built: build.Built, tmp_path: Path) -> None:
+    two = msgspec.structs.replace(small, motions=msgspec.structs.replace(small.motions, n_workers=2))
+    again, _ = build.run(Job.of(ur3_cell(), two, cache=tmp_path), force=True)
+    assert again.path.name == built.path.name
+    assert again.path.read_bytes() == built.path.read_bytes()
+
+
+def test_motions_go_on_where_they_were(job: Job, built: build.Built, monkeypatch: pytest.MonkeyPatch) -> None:
+    chunks = sorted(job.motions_dir.iterdir())
+    assert len(chunks) == 2
+    torn = chunks[1].read_bytes()
+    chunks[1].write_bytes(torn[:-1])  # as a crash may leave it
+    made: list[int] = []
+    real = motion_store.MotionMaker.motion
+    monkeypatch.setattr(motion_store.MotionMaker, "motion", lambda self, index: made.append(index) or real(self, index))
+    again, _ = build.run(job)
+    assert made == [30, 31, 32, 33]
+    assert again.sha256 == built.sha256 and chunks[1].read_bytes() == torn
+
+
+def test_other_configs_have_other_files(small: PlannerConfig, job: Job, cache: Path) -> None:
+    cell = ur3_cell()
+    paths = {job.path}
+    for other in (
+        Job.of(cell, msgspec.structs.replace(small, map=msgspec.structs.replace(small.map, seed=1)), cache=cache),
+        Job.of(cell, msgspec.structs.replace(small, margins=msgspec.structs.replace(small.margins, safety_m=0.03)), cache=cache),
+        Job.of(msgspec.structs.replace(cell, static=cell.static[:-1]), small, cache=cache),
+        Job.of(cell, small, recorded=[np.zeros((2, 6))], cache=cache),
+    ):
+        assert other.path not in paths
+        paths.add(other.path)
+    slower = msgspec.structs.replace(small, speed=msgspec.structs.replace(small.speed, velocity=0.5))
+    assert Job.of(cell, slower, cache=cache).path == job.path, "driving slower needs no new map"
+
+
+def test_a_foreign_artefact_under_our_name_is_refused_and_replaced(
+    small: PlannerConfig, job: Job, built: build.Built, tmp_path: Path
+) -> None:
+    grid = msgspec.structs.replace(ur3_cell().grid, resolution_m=0.04, shape=[40, 40, 25])
+    theirs = Job.of(msgspec.structs.replace(ur3_cell(), grid=grid), small, cache=tmp_path)
+    theirs.path.write_bytes(built.path.read_bytes())
+    with pytest.raises(ArtefactError, match="another grid"):
+        build.load(theirs)
+
+
+def test_recorded_motions_join_the_map(small: PlannerConfig, job: Job, cache: Path) -> None:
+    home = job.scene.robot.home_rad
+    path = np.array([home, home + np.array([0.0, -0.4, 0.0, 0.4, 0.0, 2.5])])
+    taught = Job.of(ur3_cell(), small, recorded=[path], cache=cache)
+    learned = build.run(taught)[0]
+    assert learned.figures["trajectories"] == 35
+    middle = path.mean(axis=0)
+    distance = [np.linalg.norm(m.learned.q_rad - middle, axis=1).min() for m in (learned, build.load(job))]
+    assert distance[0] < 0.5 * distance[1]
