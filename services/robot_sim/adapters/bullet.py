@@ -41,7 +41,10 @@ class Nearest:
 
 
 class World:
-    """Arm, fixed things, obstacles. ``close`` it, or use it in ``with``."""
+    """Arm, fixed things, obstacles. ``close`` it, or use it in ``with``.
+
+    PyBullet gives the arm's meshes a margin of 1 mm: distances are that much smaller than the true ones, contacts that much earlier.
+    """
 
     def __init__(self, robot: RobotModel, static: list[SolidConfig], step_s: float) -> None:
         self._robot = robot
