@@ -23,6 +23,7 @@ from clients.stack import OwnStack, free_endpoint, is_free
 from clients.waiting import wait_for_owners
 from common import cell
 from common.bus.session import DEFAULT_ENDPOINT, Bus, BusAddress, RemoteError
+from common.clock import utc_ns
 from common.config import load_tables
 from common.robot.model import load_robot
 from deploy.processes import StackOptions
@@ -48,6 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """0: it ran and the figures are written; Ctrl-C ends it like the end of its time."""
+    started_ns = utc_ns()
     signal.signal(signal.SIGTERM, signal.default_int_handler)
     console = Console(highlight=False, soft_wrap=True)
     shared, config = cell.load(args.config, "demo", DemoConfig, args.set)
@@ -59,6 +61,8 @@ def run(args: argparse.Namespace) -> int:
         with display(console, demo, is_live=console.is_terminal and not args.headless) as show, _gentle_interrupt() as should_stop:
             demo.play(args.seconds, should_stop, show)
         report = {**provenance(args.seed, load_tables(args.config, args.set)), **demo.finish()}
+        first_motion_ns = demo.collector.first_motion_ns
+        report["first_motion_after_s"] = None if first_motion_ns is None else (first_motion_ns - started_ns) / 1e9
         if args.json is not None:
             args.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
         picture = args.picture or RunDirectory(bus.address).path / "demo.png"

@@ -12,7 +12,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from common.errors import TolmanError
+from common.errors import ConfigError, TolmanError
 from common.version import VERSION
 
 __all__ = ["COMMANDS", "main"]
@@ -78,7 +78,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return int(module.run(parser.parse_args(words[1:])))
     except TolmanError as error:
         print(f"{error.code}: {error.message}", file=sys.stderr)
-        return 1
+        return 2 if isinstance(error, ConfigError) else 1
     except KeyboardInterrupt:
         return 130  # the shell's convention for "ended by Ctrl-C"
 

@@ -7,17 +7,20 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.distance import cdist
 
+from clients.demo.arm import Arm
 from common.robot.trajectory import JointTrajectory
 from common.wire.messages import Message, RobotState, Trajectory, VoxelFrame
 
 __all__ = ["Moment", "MomentKeeper"]
 
 F64 = NDArray[np.float64]
-TRAIL_NS = 6_000_000_000  # our choice: how much of the driven path is shown
 SAMPLE_GAP_NS = 40_000_000
+TRAIL_SAMPLES = 250  # ten seconds
 PLANNED_SAMPLES = 80
-DRIVEN_SHARE = 0.45  # our choice: of the planned curve, so that both colours are seen
+DRIVEN_SHARE = (0.3, 0.7)  # our choice: of the planned curve, so that both colours are seen
+NEAR_M = 0.20  # our choice: cells this near to the tool's way are what it goes round
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,12 +35,14 @@ class Moment:
 
 
 class MomentKeeper:
-    """Watches the bus and keeps the best moment so far: the one with most cells seen and most of a long way planned."""
+    """Watches the bus and keeps the best moment so far: a long way planned, half of it driven, with many cells close to it."""
 
-    def __init__(self) -> None:
+    def __init__(self, arm: Arm) -> None:
         self.best: Moment | None = None
+        self._arm = arm
         self._best_score = 0.0
-        self._trail: deque[tuple[int, F64]] = deque()
+        self._trail: deque[F64] = deque(maxlen=TRAIL_SAMPLES)
+        self._last_sample_ns = 0
         self._voxels: VoxelFrame | None = None
         self._trajectory: Trajectory | None = None
 
@@ -46,33 +51,39 @@ class MomentKeeper:
         if isinstance(message, VoxelFrame):
             self._voxels = message
         elif isinstance(message, Trajectory):
+            if self._trajectory is None or message.goal_id != self._trajectory.goal_id:
+                self._trail.clear()
             self._trajectory = message
-        elif isinstance(message, RobotState):
-            self._observe_robot(message)
+        elif isinstance(message, RobotState) and message.stamp_ns - self._last_sample_ns >= SAMPLE_GAP_NS:
+            self._last_sample_ns = message.stamp_ns
+            self._trail.append(message.q_rad)
+            self._weigh(message)
 
-    def _observe_robot(self, state: RobotState) -> None:
-        if self._trail and state.stamp_ns - self._trail[-1][0] < SAMPLE_GAP_NS:
+    def _weigh(self, state: RobotState) -> None:
+        trajectory, voxels = self._trajectory, self._voxels
+        if (
+            trajectory is None
+            or voxels is None
+            or trajectory.kind != "motion"
+            or trajectory.id != state.trajectory_id
+            or not len(voxels.cells)
+        ):
             return
-        self._trail.append((state.stamp_ns, state.q_rad))
-        while state.stamp_ns - self._trail[0][0] > TRAIL_NS:
-            self._trail.popleft()
-        trajectory = self._trajectory
-        if trajectory is None or trajectory.kind != "motion" or trajectory.id != state.trajectory_id or self._voxels is None:
+        share = state.trajectory_time_s / float(trajectory.t_s[-1])
+        if not DRIVEN_SHARE[0] <= share <= DRIVEN_SHARE[1]:
             return
-        duration_s = float(trajectory.t_s[-1])
-        if state.trajectory_time_s < DRIVEN_SHARE * duration_s:
-            return
-        way_rad = float(np.abs(np.diff(trajectory.q_rad, axis=0)).sum())
-        score = way_rad * len(self._voxels.cells)
-        if score > self._best_score:
-            self._best_score = score
-            self.best = self._moment(state, trajectory, self._voxels)
-
-    def _moment(self, state: RobotState, trajectory: Trajectory, voxels: VoxelFrame) -> Moment:
         curve = JointTrajectory(trajectory.t_s, trajectory.q_rad, trajectory.dq_rad_s)
         planned, _, _ = curve.sample(np.linspace(0.0, curve.duration_s, PLANNED_SAMPLES))
-        shape, origin = voxels.grid.shape, np.asarray(voxels.grid.origin_m)
-        ijk = np.stack(np.unravel_index(voxels.cells, shape), axis=-1)
-        cells_m = origin + (ijk + 0.5) * voxels.grid.resolution_m
-        driven = np.array([q for _, q in self._trail])
-        return Moment(state.q_rad, cells_m, voxels.grid.resolution_m, planned, driven)
+        way_m = self._arm.tool_positions(planned)
+        cells_m = _centres(voxels)
+        n_near = int((cdist(cells_m, way_m).min(axis=1) < NEAR_M).sum())
+        score = n_near * float(np.linalg.norm(np.diff(way_m, axis=0), axis=1).sum())
+        if score > self._best_score:
+            self._best_score = score
+            self.best = Moment(state.q_rad, cells_m, voxels.grid.resolution_m, planned, np.array(self._trail))
+
+
+def _centres(voxels: VoxelFrame) -> F64:
+    ijk = np.stack(np.unravel_index(voxels.cells, voxels.grid.shape), axis=-1)
+    centres_m: F64 = np.asarray(voxels.grid.origin_m) + (ijk + 0.5) * voxels.grid.resolution_m
+    return centres_m

@@ -28,7 +28,7 @@ class DemoRun:
 
     def __init__(self, bus: Bus, arm: Arm, config: DemoConfig, seed: int) -> None:
         self.collector = Collector()
-        self.keeper = MomentKeeper()
+        self.keeper = MomentKeeper(arm)
         self.monitor = Monitor(bus)
         self.driver = Driver(goals(seed, config), acts(seed, config), patience_s=config.goal_patience_s)
         self.elapsed_s = 0.0

@@ -2,4 +2,4 @@
 
 from __future__ import annotations
 
-SMALL_MAP = ("planner.map.n_neurons=2000", "planner.motions.n_trajectories=200")
+SMALL_MAP = ("planner.map.n_neurons=2000", "planner.motions.n_trajectories=200", "planner.motions.n_samples=10000")

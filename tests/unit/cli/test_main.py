@@ -70,7 +70,7 @@ def test_down_without_a_stack_is_no_error(capsys: pytest.CaptureFixture[str]) ->
 
 
 def test_a_config_error_names_file_and_key(capsys: pytest.CaptureFixture[str]) -> None:
-    assert main(["demo", "--set", "demo.hand.sped_m_s=1", "--connect", free_endpoint()]) == 1
+    assert main(["demo", "--set", "demo.hand.sped_m_s=1", "--connect", free_endpoint()]) == 2
     assert "sped_m_s" in capsys.readouterr().err
 
 

@@ -22,6 +22,9 @@ CLEAR = Clearance(
 )
 
 
+NEAR_TOOL_M: list[float] = ur3().tool_pose(HOME)[:3, 3].tolist()
+
+
 @pytest.fixture(scope="module")
 def arm() -> Arm:
     return Arm(ur3())
@@ -118,25 +121,29 @@ def test_a_box_on_the_arms_way_is_not_fair(arm: Arm) -> None:
     assert arm.keeps_clear_of(HOME, -turning, size_m, ahead_m, 0.5) > 0.05
 
 
-def test_the_keeper_prefers_more_cells() -> None:
-    keeper = MomentKeeper()
+def test_the_keeper_wants_a_way_half_driven_with_cells_near_it(arm: Arm) -> None:
+    keeper = MomentKeeper(arm)
     keeper.observe(voxels(3))
     keeper.observe(trajectory("t"))
     keeper.observe(state(1, "tracking", np.zeros(6)))
-    assert keeper.best is None, "nothing is driven yet"
-    keeper.observe(state(9, "tracking", np.zeros(6)))
+    assert keeper.best is None, "too little is driven yet"
+    keeper.observe(state(5, "tracking", np.zeros(6)))
     assert keeper.best is not None
     assert len(keeper.best.cells_m) == 3
+    assert len(keeper.best.driven_q_rad) == 2
     keeper.observe(voxels(2))
-    keeper.observe(state(10, "tracking", np.zeros(6)))
-    assert len(keeper.best.cells_m) == 3
+    keeper.observe(state(6, "tracking", np.zeros(6)))
+    assert len(keeper.best.cells_m) == 3, "fewer cells are no better"
     keeper.observe(voxels(5))
-    keeper.observe(state(11, "tracking", np.zeros(6)))
+    keeper.observe(state(7, "tracking", np.zeros(6)))
     assert len(keeper.best.cells_m) == 5
+    keeper.observe(voxels(9))
+    keeper.observe(state(9, "tracking", np.zeros(6)))
+    assert len(keeper.best.cells_m) == 5, "too much is driven"
 
 
 def voxels(n: int) -> VoxelFrame:
-    grid = GridInfo(origin_m=[0.0, 0.0, 0.0], shape=[10, 10, 10], resolution_m=0.02, fingerprint="")
+    grid = GridInfo(origin_m=NEAR_TOOL_M, shape=[10, 10, 10], resolution_m=0.02, fingerprint="")
     return VoxelFrame(grid=grid, cells=np.arange(n, dtype=np.int32), cameras=[], robot_seq=0, timing_ms={})
 
 
