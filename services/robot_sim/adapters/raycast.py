@@ -2,7 +2,7 @@
 
 One ray-casting scene per link is built once; per frame the rays are moved into the link's frame instead of the mesh into the world, and
 only those in the pixel box that the link can appear in. What never moves is drawn once per camera. Rays have z = 1 in the camera's frame,
-so the hit parameter is the depth. Measured for four cameras of 424x240 on one core: see ``docs/measurements.md``.
+so the hit parameter is the depth. Measured for four cameras of 424x240 on one shared core: 7 to 8 ms, of which Open3D 5 ms.
 """
 
 from __future__ import annotations
