@@ -35,6 +35,7 @@ from services.planner.core.reflex import Event, Goal, Reflex
 from services.planner.core.underway import ArmState, Sent
 from services.planner.inspection import map_reply
 from services.planner.questions import QuestionDesk, branches_of
+from services.planner.rehearsal import rehearse
 
 __all__ = ["Planner"]
 
@@ -63,17 +64,12 @@ class Planner:
         self._wrong_grid = False
 
     def warm_up(self) -> None:
-        """Load robot and map, compile the kernels on a question of our own, then open the inboxes."""
+        """Load robot and map, compile the kernels in a rehearsal, then open the inboxes."""
         self._parts = assemble(self._cell, self._config, _log_progress())
         self._resolver = self._parts.goal_resolver()
         self._reflex: Reflex = self._parts.reflex(monotonic_ns, f"{self._bus.epoch:x}")
-        desk = QuestionDesk(self._parts, monotonic_ns)
-        home, near = self._parts.robot.home_rad, self._parts.roadmap.neurons_rad[0]
-        for search in ("dijkstra", "wavefront"):
-            request = PlanRequest(q_start_rad=home, goal=SetGoal(q_rad=near), search=search)
-            desk.answer(request, home, np.arange(0, self._parts.grid.n_cells, 97, dtype=np.int32))
-            desk.answer(request, home, np.empty(0, dtype=np.int32))
-        self._questions = _Worker(desk, self._vitals)
+        rehearse(self._parts, monotonic_ns)
+        self._questions = _Worker(QuestionDesk(self._parts, monotonic_ns), self._vitals)
         self._open_inboxes()
 
     def _open_inboxes(self) -> None:

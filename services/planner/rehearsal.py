@@ -1,0 +1,60 @@
+"""Goes once through everything that a live planner does, so that every kernel is compiled before the first goal counts.
+
+A kernel that compiles in the middle of a dodge costs seconds; numba's cache makes the next start quick.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geometry.transforms import quaternion_of
+from common.wire.messages import Pose, PlanRequest, SetGoal
+from services.planner.assemble import Parts
+from services.planner.core.lookup import cells_of_pose
+from services.planner.core.motion import Ask, Motion, Stopwatch
+from services.planner.core.timing import brake
+from services.planner.core.world import World, cells_of
+from services.planner.questions import QuestionDesk
+
+__all__ = ["rehearse"]
+
+F64 = NDArray[np.float64]
+
+
+def rehearse(parts: Parts, clock_ns: Callable[[], int]) -> None:
+    """Ask by joints and by pose, plan among cells, leave in motion, come out from among cells, brake."""
+    desk = QuestionDesk(parts, clock_ns)
+    home = parts.robot.home_rad
+    tool = parts.robot.tool_pose(home)
+    pose = Pose(position_m=tool[:3, 3].tolist(), quaternion_xyzw=quaternion_of(tool).tolist())
+    far = parts.roadmap.neurons_rad[int(np.argmax(np.linalg.norm(parts.roadmap.neurons_rad - home, axis=1)))]
+    scattered = np.arange(0, parts.grid.n_cells, 997, dtype=np.int32)
+    for goal in (SetGoal(q_rad=far), SetGoal(pose=pose)):
+        for search in ("dijkstra", "wavefront"):
+            for cells in (scattered, np.empty(0, dtype=np.int32)):
+                desk.answer(PlanRequest(q_start_rad=far, goal=goal, search=search), home, cells)  # type: ignore[arg-type]
+                desk.answer(PlanRequest(q_start_rad=home, goal=SetGoal(q_rad=far), search=search), home, cells)  # type: ignore[arg-type]
+    _move(parts, clock_ns, home, far)
+
+
+def _move(parts: Parts, clock_ns: Callable[[], int], home: F64, far: F64) -> None:
+    planner, watch = parts.motion_planner(), Stopwatch(clock_ns)
+    vision = parts.reflex(clock_ns, "rehearsal").vision
+    motion = planner.answer(vision.world, Ask(home, far), watch)
+    if not isinstance(motion, Motion):
+        return
+    curve = motion.curve
+    q, dq, _ = curve.sample(curve.duration_s / 2.0)
+    planner.answer(vision.world, Ask(q, far, dq), watch)
+    brake(curve, curve.duration_s / 2.0, parts.limits, 0.1)
+    checker = planner.checker
+    swept = cells_of_pose(checker.arm, parts.grid, q, safety_m=checker.safety_m)
+    checker.curve_meets(cells_of(parts.grid, swept[:8]), curve)
+    outer = np.setdiff1d(swept, cells_of_pose(checker.arm, parts.grid, q, safety_m=0.0))[:4]
+    vision.see(0.0, outer.astype(np.int32))
+    vision.recent(0.0)
+    planner.answer(World.of(parts.grid, vision.counts), Ask(q, far), watch)
+    vision.see(0.1, np.empty(0, dtype=np.int32))
