@@ -46,7 +46,7 @@ class Grid:
     def centres(self, cells: NDArray[Any]) -> F64:
         """(C, 3) centres in metres of flat indices (C,)."""
         ijk = np.stack(np.unravel_index(np.asarray(cells, dtype=np.int64), self.shape), axis=-1)
-        return np.asarray(self.origin_m) + (ijk + 0.5) * self.resolution_m
+        return np.asarray(np.asarray(self.origin_m) + (ijk + 0.5) * self.resolution_m, dtype=np.float64)
 
     def cells_of(self, points_m: F64) -> I32:
         """Flat indices (P,) of points (P, 3); -1 outside the grid."""

@@ -14,7 +14,7 @@ __all__ = ["pair_distance", "to_world"]
 
 @njit(cache=True, nogil=True)
 def pair_distance(grids, a, b, rotation, translation, enough_m):  # type: ignore[no-untyped-def]
-    """Lower bound in metres of the distance between bodies ``a`` and ``b`` (negative: overlap), exact in so far as it is below ``enough_m``.
+    """Lower bound in metres of the distance between bodies ``a`` and ``b`` (negative: overlap), at most ``enough_m``.
 
     The spheres of the body that has fewer groups are looked up in the other's grid, group by group; groups that are farther than
     ``enough_m`` are not looked into, and ``enough_m`` is the answer if all are. What is farther than ``FAR`` from the other body counts as
@@ -50,9 +50,7 @@ def _relative(rotation_a, translation_a, rotation_b, translation_b):  # type: ig
         shift[r] = 0.0
         for k in range(3):
             shift[r] += rotation_b[k, r] * (translation_a[k] - translation_b[k])
-            turn[r, k] = (
-                rotation_b[0, r] * rotation_a[0, k] + rotation_b[1, r] * rotation_a[1, k] + rotation_b[2, r] * rotation_a[2, k]
-            )
+            turn[r, k] = rotation_b[0, r] * rotation_a[0, k] + rotation_b[1, r] * rotation_a[1, k] + rotation_b[2, r] * rotation_a[2, k]
     return turn, shift
 
 

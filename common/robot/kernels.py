@@ -13,7 +13,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["FAR", "BodyGrids", "Chain", "body_distance", "body_grid", "forward_kinematics", "forward_kinematics_batch", "look_up", "to_joint_frame"]
+__all__ = [
+    "FAR",
+    "BodyGrids",
+    "Chain",
+    "body_distance",
+    "body_grid",
+    "forward_kinematics",
+    "forward_kinematics_batch",
+    "look_up",
+    "to_joint_frame",
+]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -81,11 +91,11 @@ def forward_kinematics(chain, q_rad, rotation, translation):  # type: ignore[no-
             for r in range(3):
                 translation[j + 1, r] += q_rad[j] * (placed[r, 0] * x + placed[r, 1] * y + placed[r, 2] * z)
             continue
-        s, c = math.sin(q_rad[j]), math.cos(q_rad[j])
-        k = 1.0 - c
-        m00, m01, m02 = c + x * x * k, x * y * k - z * s, x * z * k + y * s
-        m10, m11, m12 = y * x * k + z * s, c + y * y * k, y * z * k - x * s
-        m20, m21, m22 = z * x * k - y * s, z * y * k + x * s, c + z * z * k
+        s, cosine = math.sin(q_rad[j]), math.cos(q_rad[j])
+        k = 1.0 - cosine
+        m00, m01, m02 = cosine + x * x * k, x * y * k - z * s, x * z * k + y * s
+        m10, m11, m12 = y * x * k + z * s, cosine + y * y * k, y * z * k - x * s
+        m20, m21, m22 = z * x * k - y * s, z * y * k + x * s, cosine + z * z * k
         for r in range(3):
             a, b, d = placed[r, 0], placed[r, 1], placed[r, 2]
             rotation[j + 1, r, 0] = a * m00 + b * m10 + d * m20
@@ -113,7 +123,10 @@ def to_joint_frame(rotation, translation, x, y, z):  # type: ignore[no-untyped-d
 
 @njit(cache=True, nogil=True, inline="always")
 def body_grid(grids, b):  # type: ignore[no-untyped-def]
-    """The scalars of body ``b``'s grid for :func:`look_up`: fetched once before a loop, since numba pays a reference count per array access."""
+    """The scalars of body ``b``'s grid for :func:`look_up`.
+
+    Fetched once before a loop, since numba pays a reference count for each array access.
+    """
     return (
         grids.offset[b],
         grids.origin_m[b, 0],

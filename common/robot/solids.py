@@ -86,7 +86,8 @@ def sphere_mesh(radius_m: float) -> tuple[F64, I32]:
     polar = np.pi * np.arange(1, rows) / rows
     azimuth = 2.0 * np.pi * np.arange(columns) / columns
     grid = np.stack(
-        [np.outer(np.sin(polar), np.cos(azimuth)), np.outer(np.sin(polar), np.sin(azimuth)), np.repeat(np.cos(polar)[:, None], columns, 1)], -1
+        [np.outer(np.sin(polar), np.cos(azimuth)), np.outer(np.sin(polar), np.sin(azimuth)), np.repeat(np.cos(polar)[:, None], columns, 1)],
+        -1,
     ).reshape(-1, 3)
     vertices = outer * np.vstack([grid, [[0, 0, 1], [0, 0, -1]]])
     top, bottom = len(grid), len(grid) + 1

@@ -68,7 +68,7 @@ def load_kinematics(path: Path, package_dirs: list[Path], locked: dict[str, floa
     for j in range(1, model.njoints):
         if model.parents[j] != j - 1 or model.joints[j].nq != 1:
             raise RobotError(
-                f"{path}: joint {model.names[j]} is not part of one serial chain of one-axis joints; lock side joints in robot.locked_joints"
+                f"{path}: joint {model.names[j]} is not part of one chain of one-axis joints; lock side joints in robot.locked_joints"
             )
     return model, geometry
 

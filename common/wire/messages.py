@@ -64,7 +64,11 @@ class ErrorReply(Message, frozen=True, kw_only=True):
 
 
 class RobotState(State, frozen=True, kw_only=True, eq=False):
-    """What the arm does now; ``q_rad`` measured, ``q_reference_rad`` commanded. ``dq_reference_rad_s`` completes the splice state."""
+    """What the arm does now; ``q_rad`` measured, ``q_reference_rad`` commanded. ``dq_reference_rad_s`` completes the splice state.
+
+    ``trajectory_id`` is the newest accepted trajectory (empty: none since start or reset), ``trajectory_time_s`` how far along it the arm
+    is: negative while it waits for its takeover, at most its duration; a braking arm stays on its path and stops at such a time.
+    """
 
     q_rad: F64
     dq_rad_s: F64

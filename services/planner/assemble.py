@@ -5,16 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
-
 from common.cell import CellConfig
 from common.geometry.grid import Grid
 from common.robot.model import RobotModel
 from services.planner.config import PlannerConfig
-from services.planner.core.check import Checker
+from services.planner.core.check import Checker, HandReach
 from services.planner.core.find import PathFinder
 from services.planner.core.goals import GoalResolver
 from services.planner.core.motion import MotionPlanner
-from services.planner.core.reflex import Reflex
+from services.planner.core.reflex import STOP_LEAD_S, Reflex
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.timing import Limits
 from services.planner.core.vision import Vision
@@ -54,11 +53,17 @@ class Parts:
         """The arm's own limits; stops may use them in full."""
         return Limits(self.robot.max_velocity_rad_s, self.robot.max_acceleration_rad_s2)
 
+    @property
+    def hand(self) -> HandReach:
+        """What a hand may do while the arm comes to rest."""
+        replan = self.config.replan
+        return HandReach(replan.hand_speed_m_s, replan.splice_budget_s + STOP_LEAD_S, self.robot.max_acceleration_rad_s2)
+
     def motion_planner(self) -> MotionPlanner:
         """A new planner with its own scratch, at the configured share of the limits."""
         limits = self.limits.scaled(self.config.speed.velocity, self.config.speed.acceleration)
         finder = PathFinder(self.roadmap, self.checker())
-        return MotionPlanner(finder, limits, shortcut_checks=self.config.smoothing.shortcut_checks)
+        return MotionPlanner(finder, limits, self.hand, shortcut_checks=self.config.smoothing.shortcut_checks)
 
     def goal_resolver(self) -> GoalResolver:
         """A new resolver with its own scratch."""
@@ -67,7 +72,7 @@ class Parts:
     def reflex(self, clock_ns: Callable[[], int], name: str) -> Reflex:
         """The live planner."""
         vision = Vision(self.grid, self.roadmap, unavoidable_frames=self.config.replan.unavoidable_frames)
-        return Reflex(self.motion_planner(), vision, self.limits, self.config, clock_ns, name)
+        return Reflex(self.motion_planner(), vision, self.limits, self.hand, self.config, clock_ns, name)
 
     @property
     def fingerprints(self) -> dict[str, str]:
@@ -85,5 +90,3 @@ def assemble(cell: CellConfig, config: PlannerConfig, progress: Progress = lambd
     built = load_or_build(job, progress)
     roadmap = Roadmap.of(built.learned, built.table, config.model)
     return Parts(cell, config, job.scene.robot, job.scene.grid, roadmap, built)
-
-

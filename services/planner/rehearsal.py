@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry.transforms import quaternion_of
-from common.wire.messages import Pose, PlanRequest, SetGoal
+from common.wire.messages import PlanRequest, Pose, SetGoal
 from services.planner.assemble import Parts
 from services.planner.core.lookup import cells_of_pose
 from services.planner.core.motion import Ask, Motion, Stopwatch
@@ -35,8 +35,8 @@ def rehearse(parts: Parts, clock_ns: Callable[[], int]) -> None:
     for goal in (SetGoal(q_rad=far), SetGoal(pose=pose)):
         for search in ("dijkstra", "wavefront"):
             for cells in (scattered, np.empty(0, dtype=np.int32)):
-                desk.answer(PlanRequest(q_start_rad=far, goal=goal, search=search), home, cells)  # type: ignore[arg-type]
-                desk.answer(PlanRequest(q_start_rad=home, goal=SetGoal(q_rad=far), search=search), home, cells)  # type: ignore[arg-type]
+                desk.answer(PlanRequest(q_start_rad=far, goal=goal, search=search), home, cells)
+                desk.answer(PlanRequest(q_start_rad=home, goal=SetGoal(q_rad=far), search=search), home, cells)
     _move(parts, clock_ns, home, far)
 
 
@@ -55,6 +55,6 @@ def _move(parts: Parts, clock_ns: Callable[[], int], home: F64, far: F64) -> Non
     checker.curve_meets(cells_of(parts.grid, swept[:8]), curve)
     outer = np.setdiff1d(swept, cells_of_pose(checker.arm, parts.grid, q, safety_m=0.0))[:4]
     vision.see(0.0, outer.astype(np.int32))
-    vision.recent(0.0)
+    checker.hand_meets(vision.world.recent, curve, parts.hand)
     planner.answer(World.of(parts.grid, vision.counts), Ask(q, far), watch)
     vision.see(0.1, np.empty(0, dtype=np.int32))

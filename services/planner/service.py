@@ -6,9 +6,11 @@ import logging
 import queue
 import threading
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from common.bus.service import Vitals
 from common.bus.session import Bus, Command
@@ -29,7 +31,7 @@ from common.wire.messages import (
     Trajectory,
     VoxelFrame,
 )
-from services.planner.assemble import Parts, assemble
+from services.planner.assemble import assemble
 from services.planner.config import PlannerConfig
 from services.planner.core.reflex import Event, Goal, Reflex
 from services.planner.core.underway import ArmState, Sent
@@ -60,7 +62,7 @@ class Planner:
         self._n_events = 0
         self._next_status_ns = 0
         self._last_state = ""
-        self._q_now = None
+        self._q_now: NDArray[np.float64] | None = None
         self._wrong_grid = False
 
     def warm_up(self) -> None:
@@ -111,7 +113,7 @@ class Planner:
 
     def _listen(self, now_ns: int) -> None:
         state = self._states.take()
-        if state is not None and state.message.dq_reference_rad_s is not None:
+        if state is not None:
             message = state.message
             self._robot_clock.observe(message.stamp_ns, state.arrival_ns)
             self._q_now = message.q_reference_rad
@@ -119,7 +121,7 @@ class Planner:
                 ArmState(
                     at_s=self._robot_clock.to_monotonic(message.stamp_ns) / NS,
                     q_reference_rad=message.q_reference_rad,
-                    dq_reference_rad_s=message.dq_reference_rad_s,
+                    dq_reference_rad_s=message.dq_rad_s if message.dq_reference_rad_s is None else message.dq_reference_rad_s,
                     standing=message.mode not in ("tracking", "stopping"),
                     mode=message.mode,
                     reason=message.reason,
@@ -275,7 +277,7 @@ class _Worker:
             command, q_now, cells = item
             began_ns = monotonic_ns()
             try:
-                _reply(command, lambda request, q=q_now, c=cells: self._desk.answer(request, q, c))
+                _reply(command, partial(self._desk.answer, q_now=q_now, live_cells=cells))
             except Exception:  # a question may never end the desk
                 log.exception("a question failed")
                 command.fail(RequestError("the planner could not answer this; see its log", code="internal"))

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -10,11 +12,33 @@ from common.robot.trajectory import JointTrajectory
 from services.planner.kernels.collision import FREE, HIT_CELL, HIT_STATIC, Arm, Cells, Solids, cells_that_hit, pose_verdict
 from services.planner.kernels.path import curve_verdict, segment_verdict
 
-__all__ = ["Checker", "CurveVerdict"]
+__all__ = ["Checker", "CurveVerdict", "HandReach"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+HAND_WINDOWS = 4  # windows of growing room; our choice
+HAND_LOOK_S = 0.3  # the fastest moment of the next so many seconds counts; our choice
 CurveVerdict = tuple[int, int, float]
+
+
+@dataclass(frozen=True, eq=False)
+class HandReach:
+    """What a hand may do while the arm comes to rest.
+
+    Attributes:
+        speed_m_s: of the hand.
+        latency_s: from its motion to the arm's first braking.
+        acceleration_rad_s2: (J,) with which the arm brakes.
+    """
+
+    speed_m_s: float
+    latency_s: float
+    acceleration_rad_s2: F64
+
+    def horizon_s(self, curve: JointTrajectory, from_s: float) -> float:
+        """Time in which the arm, on ``curve`` at ``from_s``, would stand if it had to."""
+        _, dq, _ = curve.sample(from_s + np.linspace(0.0, HAND_LOOK_S, 8))
+        return self.latency_s + float((np.abs(dq) / self.acceleration_rad_s2).max())
 
 
 class Checker:
@@ -77,6 +101,21 @@ class Checker:
             curve.t_s, curve.q_rad, curve.dq_rad_s, from_s, min(to_s, curve.duration_s),
         )  # fmt: skip
         return None if verdict == FREE else float(at_s)
+
+    def hand_meets(self, recent: Cells, curve: JointTrajectory, reach: HandReach, *, from_s: float = 0.0) -> float | None:
+        """First time at which something that moves could be met before the arm can stand; None if nothing could.
+
+        What was seen just now may be ``speed`` times t nearer after a time t. Beyond the horizon there is time to see it and to stop, so
+        only the near part of the curve is looked at, in windows of growing room.
+        """
+        horizon = reach.horizon_s(curve, from_s)
+        window = horizon / HAND_WINDOWS
+        for k in range(HAND_WINDOWS):
+            begin = from_s + k * window
+            met = self.curve_meets(recent, curve, from_s=begin, to_s=begin + window, room_m=reach.speed_m_s * (k + 1) * window)
+            if met is not None:
+                return met
+        return None
 
     def describe(self, verdict: int, index: int) -> str:
         """What a verdict means, in words."""

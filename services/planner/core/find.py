@@ -77,9 +77,7 @@ class PathFinder:
         self._none_blocked = np.zeros(n, dtype=np.int32)
         self._no_edges_blocked = np.zeros(m, dtype=np.int32)
 
-    def find(
-        self, world: World, q_start: F64, q_goal: F64, *, rules: Rules, search: str, shortcut_checks: int = 0
-    ) -> FoundPath | NotFound:
+    def find(self, world: World, q_start: F64, q_goal: F64, *, rules: Rules, search: str, shortcut_checks: int = 0) -> FoundPath | NotFound:
         """A path from ``q_start`` to ``q_goal`` (J,) among the cells.
 
         Args:
@@ -167,14 +165,41 @@ class PathFinder:
         r = self.roadmap
         if search == "wavefront":
             n, _, _ = breadth_first(
-                r.adj_offset, r.adj_node, r.adj_edge, node_count, edge_count, start, start_cost, goal, goal_cost,
-                self._level, self._parent, self._queue, self._path,
-            )  # fmt: skip
+                r.adj_offset,
+                r.adj_node,
+                r.adj_edge,
+                node_count,
+                edge_count,
+                start,
+                start_cost,
+                goal,
+                goal_cost,
+                self._level,
+                self._parent,
+                self._queue,
+                self._path,
+            )
         else:
             n, _, _ = best_first(
-                r.neurons_rad, r.adj_offset, r.adj_node, r.adj_edge, r.adj_length, node_count, edge_count, start, start_cost, goal, goal_cost,
-                q_goal, search == "astar", self._cost, self._parent, self._heap_key, self._heap_node, self._path,
-            )  # fmt: skip
+                r.neurons_rad,
+                r.adj_offset,
+                r.adj_node,
+                r.adj_edge,
+                r.adj_length,
+                node_count,
+                edge_count,
+                start,
+                start_cost,
+                goal,
+                goal_cost,
+                q_goal,
+                search == "astar",
+                self._cost,
+                self._parent,
+                self._heap_key,
+                self._heap_node,
+                self._path,
+            )
         return None if n == NOT_FOUND else self._path[:n].copy()
 
     def _cut_corners(self, world: World, path: F64, checks: int) -> F64:

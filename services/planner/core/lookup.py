@@ -7,7 +7,9 @@ world (the live one, or that of a question) on top of it.
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from queue import SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -25,7 +27,9 @@ I64 = NDArray[np.int64]
 
 CHUNK = 256  # neurons or edges a kernel call; progress is reported between
 MAX_CELLS_A_POSE = 20_000  # our choice; a UR3 pose sweeps about 2 000 cells of 2 cm
+N_THREADS = 2  # our choice: the kernels release the interpreter's lock; does not change the table
 Progress = Callable[[int, int], None]
+RowKernel = Callable[[NDArray[Any], int, I64, I32, I64], int]  # items, first mark, stamp, out cells, offsets -> items done
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,21 +79,20 @@ def build_table(
     """
     total = len(neurons_rad) + len(edges)
     geometry = (np.asarray(grid.origin_m), np.asarray(grid.shape, dtype=np.int64), grid.resolution_m, safety_m)
-    stamp = np.full(grid.n_cells, -1, dtype=np.int64)
 
-    def run_nodes(part: NDArray[Any], first: int, out: I32, offset: I64) -> int:
+    def run_nodes(part: NDArray[Any], first: int, stamp: I64, out: I32, offset: I64) -> int:
         return int(node_cells(arm, *geometry, part, first, stamp, out, offset))
 
     def report(done: int) -> None:
         if progress is not None:
             progress(done, total)
 
-    node_offset, node_cell = _rows(run_nodes, neurons_rad, 0, report)
+    node_offset, node_cell = _rows(run_nodes, neurons_rad, grid.n_cells, report)
 
-    def run_edges(part: NDArray[Any], first: int, out: I32, offset: I64) -> int:
+    def run_edges(part: NDArray[Any], first: int, stamp: I64, out: I32, offset: I64) -> int:
         return int(edge_extra_cells(arm, *geometry, step_m, neurons_rad, part, node_offset, node_cell, first, stamp, out, offset))
 
-    edge_offset, edge_cell = _rows(run_edges, edges, len(neurons_rad), report)
+    edge_offset, edge_cell = _rows(run_edges, edges, grid.n_cells, lambda done: report(len(neurons_rad) + done))
     counts = np.zeros(grid.n_cells, dtype=np.int64)
     count_rows(node_cell, counts)
     unavoidable = np.flatnonzero(counts == len(neurons_rad)).astype(np.int32) if len(neurons_rad) else np.empty(0, dtype=np.int32)
@@ -100,25 +103,42 @@ def build_table(
     )
 
 
-def _rows(
-    run: Callable[[NDArray[Any], int, I32, I64], int], items: NDArray[Any], first_mark: int, report: Callable[[int], None]
-) -> tuple[I64, I32]:
-    """Owner -> cells of all items, chunk by chunk: offsets (n + 1,) and flat cells."""
-    buffer = np.empty(CHUNK * MAX_CELLS_A_POSE, dtype=np.int32)
-    offset = np.zeros(len(items) + 1, dtype=np.int64)
-    parts: list[I32] = []
-    done = 0
-    while done < len(items):
-        part = items[done : done + CHUNK]
-        local = np.zeros(len(part) + 1, dtype=np.int64)
-        n = run(part, first_mark + done, buffer, local)
+def _rows(run: RowKernel, items: NDArray[Any], n_cells: int, report: Callable[[int], None]) -> tuple[I64, I32]:
+    """Owner -> cells of all items: offsets (n + 1,) and flat cells. Chunks are worked on by threads and put together in order."""
+    scratches: SimpleQueue[tuple[I64, I32]] = SimpleQueue()
+    for _ in range(N_THREADS):
+        scratches.put((np.full(n_cells, -1, dtype=np.int64), np.empty(CHUNK * MAX_CELLS_A_POSE, dtype=np.int32)))
+
+    def work(first: int) -> list[tuple[I64, I32]]:
+        stamp, buffer = scratches.get()
+        stamp.fill(-1)
+        rows = _chunk_rows(run, items[first : first + CHUNK], stamp, buffer)
+        scratches.put((stamp, buffer))
+        return rows
+
+    lengths, cells = [np.zeros(1, dtype=np.int64)], [np.empty(0, dtype=np.int32)]
+    executor = ThreadPoolExecutor(N_THREADS)
+    try:
+        for k, rows in enumerate(executor.map(work, range(0, len(items), CHUNK))):
+            lengths += [row_lengths for row_lengths, _ in rows]
+            cells += [row_cells for _, row_cells in rows]
+            report(min((k + 1) * CHUNK, len(items)))
+    finally:
+        executor.shutdown(cancel_futures=True)
+    return np.cumsum(np.concatenate(lengths)), np.concatenate(cells)
+
+
+def _chunk_rows(run: RowKernel, part: NDArray[Any], stamp: I64, buffer: I32) -> list[tuple[I64, I32]]:
+    """Row lengths and cells of ``part``, in as many pieces as the buffer needs."""
+    pieces, done = [], 0
+    while done < len(part):
+        offset = np.zeros(len(part) - done + 1, dtype=np.int64)
+        n = run(part[done:], done, stamp, buffer, offset)
         if n == 0:
             raise ValueError(f"one pose or edge sweeps more than {len(buffer)} cells: the cells are too small for this arm")
-        parts.append(buffer[: local[n]].copy())
-        offset[done + 1 : done + n + 1] = offset[done] + local[1 : n + 1]
+        pieces.append((np.diff(offset[: n + 1]), buffer[: offset[n]].copy()))
         done += n
-        report(first_mark + done)
-    return offset, np.concatenate(parts) if parts else np.empty(0, dtype=np.int32)
+    return pieces
 
 
 def _transpose(offset: I64, cells: I32, n_cells: int, without: I32) -> tuple[I64, NDArray[Any]]:

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.robot.trajectory import JointTrajectory
+from services.planner.core.check import HandReach
 from services.planner.core.find import FoundPath, NotFound, PathFinder, Rules
 from services.planner.core.smoothing import Nurbs, candidates
 from services.planner.core.timing import Limits, time_curve, time_polyline
@@ -83,10 +84,11 @@ class Stopwatch:
 class MotionPlanner:
     """Answers questions on one roadmap. One per thread."""
 
-    def __init__(self, finder: PathFinder, limits: Limits, *, shortcut_checks: int) -> None:
+    def __init__(self, finder: PathFinder, limits: Limits, hand: HandReach, *, shortcut_checks: int) -> None:
         self.finder = finder
         self.checker = finder.checker
         self._limits = limits
+        self._hand = hand
         self._shortcut_checks = shortcut_checks
 
     def answer(self, world: World, ask: Ask, watch: Stopwatch) -> Motion | NotFound:
@@ -108,7 +110,8 @@ class MotionPlanner:
     def _lead_in(self, velocity: F64, factor: float) -> F64:
         """The way (J,) along ``velocity`` in which the arm could just stop, times ``factor``.
 
-        Along a straight line each joint brakes in proportion; the joint that runs out of acceleration first bounds the path's: |v|^2 / (2 a).
+        Along a straight line each joint brakes in proportion, and the one that runs out of acceleration first bounds the path's
+        deceleration a: |v|^2 / (2 a).
         """
         speed = float(np.linalg.norm(velocity))
         direction = velocity / speed
@@ -164,6 +167,8 @@ class MotionPlanner:
 
     def _is_free(self, world: World, found: FoundPath, timed: JointTrajectory) -> bool:
         leaving = found.leaving
+        if self.checker.hand_meets(world.recent, timed, self._hand) is not None and leaving is None:
+            return False
         if leaving is None:
             return self.checker.curve(world.cells, timed)[0] == FREE
         return self.checker.curve(leaving.rest.cells, timed)[0] == FREE and leaving.leads_out(self.checker, timed.q_rad)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from common.robot.trajectory import JointTrajectory
 from services.planner.config import PlannerConfig
+from services.planner.core.check import HandReach
 from services.planner.core.find import NotFound
 from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.replan import Action, ReplanRules, ShorterWay, View
@@ -71,16 +72,20 @@ class Reflex:
         planner: answers questions.
         vision: the live cells.
         limits: for stops.
+        hand: what is expected of things that move.
         config: rules and times.
         clock_ns: for timings alone.
         name: prefix of trajectory ids, unique per start of the process.
     """
 
-    def __init__(self, planner: MotionPlanner, vision: Vision, limits: Limits, config: PlannerConfig, clock_ns: Any, name: str) -> None:
+    def __init__(
+        self, planner: MotionPlanner, vision: Vision, limits: Limits, hand: HandReach, config: PlannerConfig, clock_ns: Any, name: str
+    ) -> None:
         self._planner = planner
         self.checker = planner.checker
         self.vision = vision
         self._limits = limits
+        self._hand = hand
         self._config = config
         self._clock_ns = clock_ns
         self._name = name
@@ -97,7 +102,8 @@ class Reflex:
         self._frame_utc_ns = 0
         self._voxels_seq = 0
         self._cells_changed = False
-        self._blocked_at_s: float | None = None
+        self._blocked_at_s: float | None = None  # time on what is under way of its first blocked point
+        self._hand_at_s: float | None = None  # and of the first point at which a hand could be met
         self._n_sent = 0
         self._events: list[Event] = []
         self._outbox: list[Sent] = []
@@ -127,7 +133,7 @@ class Reflex:
         if accepted is not None:
             self._note_accepted(accepted, arm)
         if self.underway.sent is not before:
-            self._blocked_at_s = None
+            self._blocked_at_s = self._hand_at_s = None
             if self.underway.sent is None:
                 self._rules.now_or_never()
 
@@ -177,8 +183,9 @@ class Reflex:
         sent, goal = self.underway.sent, self.goal
         at_goal = goal is not None and bool(np.any(np.abs(goal.branches_rad - arm.q_reference_rad).max(axis=1) < AT_GOAL_RAD))
         blocked_in = None
-        if sent is not None and self._blocked_at_s is not None:
-            blocked_in = self._blocked_at_s - self.underway.time_s(arm, now_s)
+        times = [t for t in (self._blocked_at_s, self._hand_at_s) if t is not None]
+        if sent is not None and times:
+            blocked_in = min(times) - self.underway.time_s(arm, now_s)
         return View(
             now_s=now_s,
             has_goal=goal is not None,
@@ -209,11 +216,9 @@ class Reflex:
             self._blocked_at_s = self._first_blocked(sent, from_s) if blocked else None
             return
         met = self.checker.curve_meets(self.vision.appeared, sent.curve, from_s=from_s)
-        horizon = self._braking_s(arm) + self._config.replan.splice_budget_s
-        room = self._config.replan.hand_speed_m_s * horizon
-        near = self.checker.curve_meets(self.vision.recent(now_s), sent.curve, from_s=from_s, to_s=from_s + horizon, room_m=room)
-        times = [t for t in (met, near, self._still_blocked(sent, from_s)) if t is not None]
+        times = [t for t in (met, self._still_blocked(sent, from_s)) if t is not None]
         self._blocked_at_s = min(times) if times else None
+        self._hand_at_s = self.checker.hand_meets(self.vision.world.recent, sent.curve, self._hand, from_s=from_s)
 
     def _still_blocked(self, sent: Sent, from_s: float) -> float | None:
         """A way that was blocked before may have become free again: all cells are looked at."""
@@ -307,11 +312,11 @@ class Reflex:
         sent = self.underway.sent
         assert sent is not None
         from_s = self._time_s(arm, now_s) + STOP_LEAD_S
-        if from_s < 0.0:
-            from_s = 0.0
+        from_s = max(from_s, 0.0)
         within = np.inf
-        if self._blocked_at_s is not None:
-            within = max(0.0, self._blocked_at_s - from_s - self._config.replan.stop_margin_s)
+        times = [t for t in (self._blocked_at_s, self._hand_at_s) if t is not None]
+        if times:
+            within = max(0.0, min(times) - from_s - self._config.replan.stop_margin_s)
         curve: JointTrajectory = brake(sent.curve, from_s, self._limits, within)
         reason = why or self.report.reason or "the way ahead is blocked"
         start_s = now_s + (from_s - self._time_s(arm, now_s))
@@ -322,7 +327,7 @@ class Reflex:
 
     def _send(self, sent: Sent) -> None:
         self.underway.send(sent)
-        self._blocked_at_s = None
+        self._blocked_at_s = self._hand_at_s = None
         self._outbox.append(sent)
 
     def _next_id(self) -> str:
@@ -349,8 +354,13 @@ class Reflex:
             report.reaction_ms = (arm.accepted_utc_ns - sent.cause_utc_ns) / 1e6
         if sent.splice is not None or sent.rule != "none":
             report.replans += 1
-            facts = {"rule": sent.rule, "reaction_ms": report.reaction_ms if sent.rule == "blocked" else None}
-            facts |= {"timing_ms": dict(report.timing_ms), "smoothing": sent.motion.smoothing, "length_rad": sent.motion.length_rad}
+            facts = {
+                "rule": sent.rule,
+                "reaction_ms": report.reaction_ms if sent.rule == "blocked" else None,
+                "timing_ms": dict(report.timing_ms),
+                "smoothing": sent.motion.smoothing,
+                "length_rad": sent.motion.length_rad,
+            }
             self._events.append(Event("replanned", sent.goal_id, facts))
 
     def _tell_state(self, view: View) -> None:

@@ -114,5 +114,3 @@ class Underway:
         curve = self.sent.curve
         times = np.linspace(min(from_s, curve.duration_s), curve.duration_s, 60)
         return float(np.linalg.norm(np.diff(curve.sample(times)[0], axis=0), axis=1).sum())
-
-

@@ -9,7 +9,6 @@ from common.geometry.grid import Grid
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import World, cells_of
-from services.planner.kernels.collision import Cells
 
 __all__ = ["RECENT_S", "Vision"]
 
@@ -37,15 +36,12 @@ class Vision:
         appeared, gone = self.counts.set_cells(np.setdiff1d(cells, self._unavoidable, assume_unique=True))
         self._appeared_s[appeared] = now_s
         self.appeared = cells_of(self.grid, appeared)
-        if len(appeared) or len(gone):
-            self.world = World.of(self.grid, self.counts)
-            return True
-        return False
-
-    def recent(self, now_s: float) -> Cells:
-        """Occupied cells that appeared a short time ago."""
-        cells = self.counts.cells
-        return cells_of(self.grid, cells[now_s - self._appeared_s[cells] < RECENT_S])
+        live = self.counts.cells
+        recent = live[now_s - self._appeared_s[live] < RECENT_S]
+        changed = bool(len(appeared) or len(gone))
+        if changed or len(recent) != len(self.world.recent.centre_m):
+            self.world = World.of(self.grid, self.counts, recent)
+        return changed
 
     @property
     def protective(self) -> str:

@@ -69,16 +69,17 @@ def no_cells(grid: Grid) -> Cells:
 
 @dataclass(frozen=True, eq=False)
 class World:
-    """The occupied cells of one moment: as a list, as geometry, and as counts on the map."""
+    """The occupied cells of one moment: as counts on the map and as geometry; ``recent``: those that may belong to something that moves."""
 
     grid: Grid
     counts: BlockedCounts
     cells: Cells
+    recent: Cells
 
     @staticmethod
-    def of(grid: Grid, counts: BlockedCounts) -> World:
-        """The world that ``counts`` were last set to."""
-        return World(grid, counts, cells_of(grid, counts.cells))
+    def of(grid: Grid, counts: BlockedCounts, recent: I32 | None = None) -> World:
+        """The world that ``counts`` were last set to; ``recent`` (n,) flat cells that just appeared."""
+        return World(grid, counts, cells_of(grid, counts.cells), cells_of(grid, np.empty(0, dtype=np.int32) if recent is None else recent))
 
     def leaving(self, checker: Checker, q_start: F64) -> Leaving | None:
         """How an arm that stands within the safety distance of some cells may get out; None if it may not.

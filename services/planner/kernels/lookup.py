@@ -50,10 +50,10 @@ def pose_cells(arm, origin_m, shape, cell_m, safety_m, rotation, translation, st
         wy = shift[1] + turn[1, 0] * centre0 + turn[1, 1] * centre1 + turn[1, 2] * centre2
         ex = abs(turn[0, 0]) * half0 + abs(turn[0, 1]) * half1 + abs(turn[0, 2]) * half2
         ey = abs(turn[1, 0]) * half0 + abs(turn[1, 1]) * half1 + abs(turn[1, 2]) * half2
-        x_first = max(0, int(math.floor((wx - ex - origin_m[0]) / cell_m - 0.5)))
-        x_last = min(shape[0] - 1, int(math.ceil((wx + ex - origin_m[0]) / cell_m - 0.5)))
-        y_first = max(0, int(math.floor((wy - ey - origin_m[1]) / cell_m - 0.5)))
-        y_last = min(shape[1] - 1, int(math.ceil((wy + ey - origin_m[1]) / cell_m - 0.5)))
+        x_first = max(0, math.floor((wx - ex - origin_m[0]) / cell_m - 0.5))
+        x_last = min(shape[0] - 1, math.ceil((wx + ex - origin_m[0]) / cell_m - 0.5))
+        y_first = max(0, math.floor((wy - ey - origin_m[1]) / cell_m - 0.5))
+        y_last = min(shape[1] - 1, math.ceil((wy + ey - origin_m[1]) / cell_m - 0.5))
         d0, d1, d2 = turn[2, 0], turn[2, 1], turn[2, 2]  # world z in the body's frame
         for ix in range(x_first, x_last + 1):
             px = origin_m[0] + (ix + 0.5) * cell_m - shift[0]
@@ -69,8 +69,8 @@ def pose_cells(arm, origin_m, shape, cell_m, safety_m, rotation, translation, st
                 z_low, z_high = _clip(a2, d2, low2, high2, z_low, z_high)
                 if z_low > z_high:
                     continue
-                z_first = max(0, int(math.floor((z_low + shift[2] - origin_m[2]) / cell_m - 0.5)))
-                z_last = min(shape[2] - 1, int(math.ceil((z_high + shift[2] - origin_m[2]) / cell_m - 0.5)))
+                z_first = max(0, math.floor((z_low + shift[2] - origin_m[2]) / cell_m - 0.5))
+                z_last = min(shape[2] - 1, math.ceil((z_high + shift[2] - origin_m[2]) / cell_m - 0.5))
                 base = (ix * shape[1] + iy) * shape[2]
                 for iz in range(z_first, z_last + 1):
                     if stamp[base + iz] == mark:
@@ -167,7 +167,7 @@ def segment_steps(arm, q_a, dq, step_m, rotation, translation):  # type: ignore[
             q[j] = q_a[j] + at * dq[j]
         forward_kinematics(arm.chain, q, rotation, translation)
         largest = max(largest, arm_step_m(arm, dq, rotation, translation))
-    return max(1, int(math.ceil(1.1 * largest / step_m)))
+    return max(1, math.ceil(1.1 * largest / step_m))
 
 
 @njit(cache=True, nogil=True)

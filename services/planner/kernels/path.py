@@ -60,7 +60,7 @@ def curve_verdict(arm, solids, cells, safety_m, step_m, t_s, q_rad, dq_rad_s, fr
                 way[j] = abs(v0) + abs(q_rad[k + 1, j] - v1 - q_rad[k, j] - v0) + abs(v1)
             _hermite(t_s, q_rad, dq_rad_s, k, 0.5, q)
             forward_kinematics(arm.chain, q, rotation, translation)
-            n_steps = max(1, int(math.ceil(1.1 * arm_step_m(arm, way, rotation, translation) / step_m)))
+            n_steps = max(1, math.ceil(1.1 * arm_step_m(arm, way, rotation, translation) / step_m))
         first = 0 if n_poses == 0 else 1
         for s in range(first, n_steps + 1):
             t = t0 + h * (s / n_steps)

@@ -59,7 +59,24 @@ def _distance(a, i, q):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def best_first(  # type: ignore[no-untyped-def]
-    neurons, adj_offset, adj_node, adj_edge, adj_length, node_count, edge_count, starts, start_cost, goals, goal_cost, q_goal, use_bound, cost, parent, heap_key, heap_node, path
+    neurons,
+    adj_offset,
+    adj_node,
+    adj_edge,
+    adj_length,
+    node_count,
+    edge_count,
+    starts,
+    start_cost,
+    goals,
+    goal_cost,
+    q_goal,
+    use_bound,
+    cost,
+    parent,
+    heap_key,
+    heap_node,
+    path,
 ):
     """Shortest way from any of ``starts`` to any of ``goals``; Dijkstra, or A* with ``use_bound``.
 
@@ -129,7 +146,10 @@ def _trace(parent, end, path):  # type: ignore[no-untyped-def]
 def breadth_first(  # type: ignore[no-untyped-def]
     adj_offset, adj_node, adj_edge, node_count, edge_count, starts, start_cost, goals, goal_cost, level, parent, queue, path
 ):
-    """Wavefront: the way with the fewest neurons, first found in row order. Arguments and return as :func:`best_first`; the cost is hops."""
+    """Wavefront: the way with the fewest neurons, first found in row order.
+
+    Arguments and return as :func:`best_first`; the cost is hops.
+    """
     level[:] = -1
     parent[:] = -1
     head, tail = 0, 0

@@ -1,8 +1,9 @@
 """Time-optimal timing of a sampled path under joint velocity and acceleration limits: one backward and one forward pass.
 
-Reachability analysis as in TOPP-RA (Pham and Pham 2018, IEEE T-RO 34(3)): with x = ds/dt^2 and u = d2s/dt2 all limits are linear, the largest
-controllable x of each grid point follows from the next one, and the fastest motion takes the largest u that stays controllable. Limits are
-enforced at both ends of each grid interval (the paper's interpolation scheme). Referee: the toppra wheel (``tests/unit/planner``).
+Reachability analysis as in TOPP-RA (Pham and Pham 2018, IEEE T-RO 34(3)): with x = (ds/dt)^2 and u = d2s/dt2 all limits are linear,
+the largest controllable x of each grid point follows from the next one, and the fastest motion takes the largest u that stays
+controllable. Limits are enforced at both ends of each grid interval (the paper's interpolation scheme).
+Referee: the toppra wheel (``tests/unit/planner``).
 """
 
 from __future__ import annotations
