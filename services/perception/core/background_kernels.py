@@ -6,7 +6,7 @@ import math
 
 from numba import njit
 
-__all__ = ["BOX", "CYLINDER", "LARGEST_BOUND_M", "SPHERE", "flag_near_solids", "is_background", "solid_distance"]
+__all__ = ["BOX", "CYLINDER", "LARGEST_BOUND_M", "SPHERE", "flag_near_solids", "is_solid", "is_table", "solid_distance"]
 
 BOX, SPHERE, CYLINDER = 0, 1, 2
 # Noise bounds are cut here: beyond, a surface is too badly seen to be used; 3 sigma at 2.4 m. Our choice.
@@ -53,21 +53,14 @@ def flag_near_solids(solids, centres_m, reach_m, near):  # type: ignore[no-untyp
 
 
 @njit(cache=True, nogil=True, forceinline=True)
-def is_background(rules, solids, near, cell, x, y, z, depth_m, sigma_m, camera_z):  # type: ignore[no-untyped-def]
-    """Whether a measured point is table, below it, or bolted down.
-
-    Args:
-        rules, solids, near: fields of :class:`services.perception.core.background.Background`.
-        cell: flat index of the point's cell, -1 outside the grid (then no solid is asked).
-        x, y, z: the point in the world.
-        depth_m, sigma_m: its depth and range noise.
-        camera_z: height of the camera.
-    """
+def is_table(rules, z, depth_m, sigma_m, camera_z):  # type: ignore[no-untyped-def]
+    """Whether a point measured at height ``z`` and depth ``depth_m`` by a camera at height ``camera_z`` is the table, or below it."""
     # The ray's slope is |camera_z - z| / depth; multiplied through by the depth, because a division costs more than all the rest.
     bound = max(rules.sigmas * depth_m, rules.plane_sigmas * abs(camera_z - z)) * sigma_m
-    above = (z - rules.table_z_m) * depth_m
-    if above < min(bound, LARGEST_BOUND_M * depth_m):
-        return True
-    if cell < 0 or near[cell] == 0:
-        return False
-    return _near_solid(solids, min(rules.sigmas * sigma_m, LARGEST_BOUND_M), x, y, z)
+    return (z - rules.table_z_m) * depth_m < min(bound, LARGEST_BOUND_M * depth_m)
+
+
+@njit(cache=True, nogil=True, forceinline=True)
+def is_solid(rules, solids, near, cell, x, y, z, sigma_m):  # type: ignore[no-untyped-def]
+    """Whether a measured point is bolted down; ``cell``: flat index of its cell, ``near``: of ``Background``."""
+    return near[cell] != 0 and _near_solid(solids, min(rules.sigmas * sigma_m, LARGEST_BOUND_M), x, y, z)

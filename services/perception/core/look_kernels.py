@@ -17,7 +17,7 @@ import math
 
 from numba import njit
 
-from services.perception.core.background_kernels import is_background
+from services.perception.core.background_kernels import is_solid, is_table
 from services.perception.core.splat_kernels import cell_of, centre_of
 
 __all__ = ["NO_EVIDENCE", "OUT_OF_VIEW", "PROBABLY_FREE", "SEEN_THROUGH", "look_at_cells"]
@@ -94,7 +94,8 @@ def look_at_cells(frame, cells, n_cells, view, background, arm_sigmas, verdict, 
             seen = SEEN_THROUGH
         elif gap > 0.0:
             px, py, pz = _surface_at(optics, R, t, measured, u, v)
-            if is_background(rules, solids, near, cell_of(frame, px, py, pz), px, py, pz, measured, sigma, t[2]):
+            cell = cell_of(frame, px, py, pz)
+            if is_table(rules, pz, measured, sigma, t[2]) or (cell >= 0 and is_solid(rules, solids, near, cell, px, py, pz, sigma)):
                 seen = SEEN_THROUGH
             elif gap > half:
                 seen = PROBABLY_FREE

@@ -9,7 +9,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from common.geometry.grid import Grid
-from services.perception.core.background_kernels import is_background
+from services.perception.core.background_kernels import is_solid, is_table
 
 __all__ = ["Counts", "GridFrame", "cell_of", "centre_of", "count", "foreground", "frame_of", "new_counts"]
 
@@ -83,12 +83,13 @@ def foreground(frame, points_m, view, background, sigmas, kept_m, kept_cell):  #
     n = 0
     for i in range(len(points_m)):
         x, y, z = float(points_m[i, 0]), float(points_m[i, 1]), float(points_m[i, 2])
-        cell = cell_of(frame, x, y, z)
-        if cell < 0:
-            continue
         depth = R[0, 2] * (x - t[0]) + R[1, 2] * (y - t[1]) + R[2, 2] * (z - t[2])
         sigma = optics.sigma_per_m2 * depth * depth
-        if is_background(rules, solids, near, cell, x, y, z, depth, sigma, t[2]):
+        # The table first: its points lie on both sides of the grid's floor, and a branch nobody can predict costs more than this test.
+        if is_table(rules, z, depth, sigma, t[2]):
+            continue
+        cell = cell_of(frame, x, y, z)
+        if cell < 0 or is_solid(rules, solids, near, cell, x, y, z, sigma):
             continue
         kept_m[n, 0], kept_m[n, 1], kept_m[n, 2], kept_m[n, 3] = x, y, z, sigmas * sigma
         kept_cell[n] = cell
