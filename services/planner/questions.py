@@ -117,7 +117,7 @@ def _reply(motion: Motion, smooth: bool, timing_ms: dict[str, float]) -> PlanRep
         outcome="path",
         way="map",
         neurons=motion.path.neurons,
-        path_q_rad=motion.path.raw_q_rad,
+        path_q_rad=motion.path.q_rad,
         smooth_q_rad=curve.q_rad if smooth else None,
         trajectory=Trajectory(
             id="", goal_id="", kind="motion", start_ns=0, t_s=curve.t_s, q_rad=curve.q_rad, dq_rad_s=curve.dq_rad_s, voxels_seq=0

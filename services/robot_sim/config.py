@@ -21,7 +21,8 @@ class ExecutorConfig(Strict, frozen=True):
     limit_tolerance: Share = 0.01
     # A jump of the reference by 1e-6 rad within one 8 ms cycle looks like 0.016 rad/s2, 0.3 % of the UR3's limit. Our choice.
     splice_position_rad: Positive = 1e-6
-    splice_velocity_rad_s: Positive = 1e-4  # 0.0125 rad/s2 within one cycle, likewise
+    # Slower than this counts as rest (the planner's own bound too); as a step within one cycle 0.125 rad/s2, 2.5 % of the UR3's limit.
+    splice_velocity_rad_s: Positive = 1e-3
     start_late_max_s: Positive = 0.25  # our choice: an older order belongs to a past that nobody remembers
     start_ahead_max_s: Positive = 10.0  # our choice
     max_knots: Annotated[int, Meta(ge=2)] = 5000  # our choice: bounds what one message may cost in a control cycle

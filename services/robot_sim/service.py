@@ -144,7 +144,7 @@ class RobotSim:
         q_reference, dq_reference = self._drive(at_ns)
         q, dq = self._world.joints()
         self._standing = bool(np.abs(dq).max() < self._config.standing_rad_s)
-        self._monitor.after_cycle(at_ns, q, dq, q_reference)
+        self._monitor.after_cycle(at_ns, q, q_reference, dq_reference)
         error = float(np.abs(q - q_reference).max())
         if error > self._config.tracking_fault_rad and before != "fault":
             self._executor.stop(f"the arm is {error:.3f} rad away from its reference: it is jammed", Cause.FAULT)

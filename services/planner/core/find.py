@@ -36,15 +36,13 @@ class FoundPath:
 
     Attributes:
         neurons: (N,) int32 neurons on the way, may be empty (a straight line).
-        q_rad: (P, J) points from true start to true goal; after corner cutting fewer than neurons + 2.
-        raw_q_rad: (N + 2, J) start, neurons, goal.
-        length_rad: Euclidean joint length of ``raw_q_rad``.
+        q_rad: (N + 2, J) true start, neurons, true goal.
+        length_rad: Euclidean joint length of ``q_rad``.
         leaving: the cells among which the arm stands at the start and which it must move away from; None = it stands free.
     """
 
     neurons: I32
     q_rad: F64
-    raw_q_rad: F64
     length_rad: float
     leaving: Leaving | None = None
 
@@ -77,13 +75,12 @@ class PathFinder:
         self._none_blocked = np.zeros(n, dtype=np.int32)
         self._no_edges_blocked = np.zeros(m, dtype=np.int32)
 
-    def find(self, world: World, q_start: F64, q_goal: F64, *, rules: Rules, search: str, shortcut_checks: int = 0) -> FoundPath | NotFound:
+    def find(self, world: World, q_start: F64, q_goal: F64, *, rules: Rules, search: str) -> FoundPath | NotFound:
         """A path from ``q_start`` to ``q_goal`` (J,) among the cells.
 
         Args:
             world: the occupied cells and what they block.
             rules, search: see the module; ``search`` is one of :data:`SEARCHES`.
-            shortcut_checks: at most so many straight segments are tried to cut corners (``checked`` only).
         """
         if rules == "paper":
             return self._find_paper(world, q_start, q_goal, search)
@@ -99,13 +96,12 @@ class PathFinder:
             return NotFound("goal_blocked", f"goal: {self.checker.describe(verdict, index)}")
         if self._joins(world, leaving, q_start, q_goal):
             direct = np.stack([q_start, q_goal])
-            return FoundPath(np.empty(0, dtype=np.int32), direct, direct, path_length(direct), leaving)
+            return FoundPath(np.empty(0, dtype=np.int32), direct, path_length(direct), leaving)
         neurons = self._search_connected(world, leaving, q_start, q_goal, search)
         if neurons is None:
             return NotFound("no_path", self._no_way(world))
         raw = np.vstack([q_start, self.roadmap.neurons_rad[neurons], q_goal])
-        path = self._cut_corners(world, raw, shortcut_checks) if leaving is None else raw
-        return FoundPath(neurons, path, raw, path_length(raw), leaving)
+        return FoundPath(neurons, raw, path_length(raw), leaving)
 
     def _no_way(self, world: World) -> str:
         return f"no way on the map: {world.counts.n_blocked} of {self.roadmap.n_neurons} neurons blocked"
@@ -126,7 +122,7 @@ class PathFinder:
         if neurons is None:
             return NotFound("no_path", self._no_way(world))
         raw = np.vstack([q_start, self.roadmap.neurons_rad[neurons], q_goal])
-        return FoundPath(neurons, raw, raw, path_length(raw))
+        return FoundPath(neurons, raw, path_length(raw))
 
     def best_match(self, q_rad: F64) -> int:
         """The nearest neuron of ``q_rad`` (J,), blocked or not."""
@@ -202,8 +198,15 @@ class PathFinder:
             )
         return None if n == NOT_FOUND else self._path[:n].copy()
 
-    def _cut_corners(self, world: World, path: F64, checks: int) -> F64:
-        """Skip points from the start on: the farthest point that a free straight segment reaches, by halving; bounded by ``checks``."""
+    def cut_corners(self, world: World, found: FoundPath, checks: int) -> F64:
+        """(P, J) a shorter free path with the same ends.
+
+        Points are skipped from the start on: the farthest point that a free straight segment reaches, by halving; at most ``checks``
+        segments are tried. A path that leads out of tolerated cells stays as it is.
+        """
+        path = found.q_rad
+        if found.leaving is not None:
+            return path
         kept = [0]
         while kept[-1] < len(path) - 1:
             here, ahead = kept[-1], len(path) - 1
@@ -216,4 +219,4 @@ class PathFinder:
                     break
                 ahead = here + max(1, (ahead - here) // 2)
             kept.append(ahead)
-        return path[kept]
+        return np.asarray(path[kept])

@@ -121,13 +121,15 @@ class MotionPlanner:
     def _from(self, world: World, ask: Ask, velocity: F64 | None, q_from: F64, limits: Limits, watch: Stopwatch) -> Motion | NotFound:
         """A motion that leaves ``ask.q_start`` (with ``velocity``, straight to ``q_from``) and goes on from there by the map."""
         began = watch.clock_ns()
-        found = self.finder.find(
-            world, q_from, ask.q_goal, rules=ask.rules, search=ask.search, shortcut_checks=self._shortcut_checks if ask.smooth else 0
-        )
-        watch.add("search", began)
+        found = self.finder.find(world, q_from, ask.q_goal, rules=ask.rules, search=ask.search)
+        began = watch.add("search", began)
         if isinstance(found, NotFound):
             return found
-        path = found.q_rad if velocity is None else np.vstack([ask.q_start, found.q_rad])
+        path = found.q_rad
+        if ask.smooth and ask.rules == "checked":
+            path = self.finder.cut_corners(world, found, self._shortcut_checks)
+            watch.add("smooth", began)
+        path = path if velocity is None else np.vstack([ask.q_start, path])
         path = path[np.concatenate([[True], np.linalg.norm(np.diff(path, axis=0), axis=1) > SAME_PLACE_RAD])]
         if len(path) == 1:
             here = JointTrajectory(np.zeros(1), path.copy(), np.zeros_like(path))

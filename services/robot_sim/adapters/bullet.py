@@ -223,14 +223,16 @@ class World:
                     best = Nearest(point[8], name_a, name_b)
         return best
 
-    def touches(self, q_before_rad: F64, dq_before_rad_s: F64) -> list[Touch]:
+    def touches(self, q_rad: F64, dq_commanded_rad_s: F64) -> list[Touch]:
         """What the arm touches since the last step.
 
         Args:
-            q_before_rad, dq_before_rad_s: (J,) of the moment before: the contact itself changes the arm's speed.
+            q_rad: (J,) where it is.
+            dq_commanded_rad_s: (J,) velocity that it was told to have. The measured one would not do: the engine slows the arm just before
+                it touches.
         """
         points = p.getContactPoints(bodyA=self._arm, physicsClientId=self._client)
-        return [self._touch(point, q_before_rad, dq_before_rad_s) for point in points if point[8] <= CONTACT_M and self._counts(point)]
+        return [self._touch(point, q_rad, dq_commanded_rad_s) for point in points if point[8] <= CONTACT_M and self._counts(point)]
 
     def _counts(self, point: tuple[Any, ...]) -> bool:
         """Whether a point is between a moving body of the arm and something that it should not touch."""

@@ -49,13 +49,11 @@ class Monitor:
         self.min_world_m: float | None = None
         self.min_obstacle_m: float | None = None
         self._next_look_ns = 0
-        self._q_rad, self._dq_rad_s = self._world.joints()
 
-    def after_cycle(self, now_ns: int, q_rad: F64, dq_rad_s: F64, q_reference_rad: F64) -> None:
-        """Take notice of a control cycle: (J,) measured state and reference at ``now_ns``."""
+    def after_cycle(self, now_ns: int, q_rad: F64, q_reference_rad: F64, dq_reference_rad_s: F64) -> None:
+        """Take notice of a control cycle: (J,) measured place, commanded place and velocity at ``now_ns``."""
         self.tracking_error_max_rad = max(self.tracking_error_max_rad, float(np.abs(q_rad - q_reference_rad).max()))
-        self.contacts.observe(now_ns, self._world.touches(self._q_rad, self._dq_rad_s))
-        self._q_rad, self._dq_rad_s = q_rad, dq_rad_s
+        self.contacts.observe(now_ns, self._world.touches(q_rad, dq_reference_rad_s))
         if now_ns >= self._next_look_ns:
             self._next_look_ns = now_ns + self._look_period_ns
             reach = self._config.clearance_reach_m

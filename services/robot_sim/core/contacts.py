@@ -16,7 +16,7 @@ class Touch:
         part: body of the arm.
         other: obstacle, fixed thing, or another body of the arm.
         blameless: ``other`` is an obstacle, which may have come by itself; table, bins and the arm itself never do.
-        approach_m_s: speed of the arm's own contact point along the contact normal towards the other, just before.
+        approach_m_s: commanded speed of the arm's own contact point along the contact normal towards the other.
     """
 
     part: str

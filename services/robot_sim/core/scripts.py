@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,8 +58,7 @@ class Script:
         del pose  # the script knows where it is
         script, left_s = self, dt_s
         for _ in range(len(self.legs) + 1):  # legs of no duration cannot hold it up for ever
-            travel_s = script._travel_s()
-            rest_left_s = travel_s + script.legs[script.index].rest_s - script.elapsed_s
+            rest_left_s = script.travel_s + script.legs[script.index].rest_s - script.elapsed_s
             if left_s < rest_left_s:
                 break
             left_s -= max(rest_left_s, 0.0)
@@ -67,21 +67,23 @@ class Script:
             if following == len(script.legs) and not script.loop:
                 return None, target, np.zeros(3)
             script = Script(script.legs, script.loop, target, following % len(script.legs))
-        script = Script(script.legs, script.loop, script.origin, script.index, script.elapsed_s + left_s)
-        return script, *script._now()
+        elapsed_s = script.elapsed_s + left_s
+        return replace(script, elapsed_s=elapsed_s), *script._at(elapsed_s)
 
-    def _travel_s(self) -> float:
+    @cached_property
+    def travel_s(self) -> float:
+        """How long the leg under way moves before it rests."""
         leg = self.legs[self.index]
         way_m = float(np.linalg.norm(leg.target.position_m - self.origin.position_m))
         if way_m > 0.0:
             return way_m / leg.speed_m_s
         return _angle(self.origin.quaternion_xyzw, leg.target.quaternion_xyzw) / TURN_SPEED_RAD_S
 
-    def _now(self) -> tuple[Pose, F64]:
-        leg, travel_s = self.legs[self.index], self._travel_s()
-        if self.elapsed_s >= travel_s:
+    def _at(self, elapsed_s: float) -> tuple[Pose, F64]:
+        leg, travel_s = self.legs[self.index], self.travel_s
+        if elapsed_s >= travel_s:
             return leg.target, np.zeros(3)
-        share = self.elapsed_s / travel_s
+        share = elapsed_s / travel_s
         way = leg.target.position_m - self.origin.position_m
         quaternion = _slerp(self.origin.quaternion_xyzw, leg.target.quaternion_xyzw, share)
         return Pose(self.origin.position_m + share * way, quaternion), way / travel_s

@@ -1,0 +1,158 @@
+"""The world changed: how long until a motion round it is ready to send, how often there is one, and does it ever collide.
+
+connect_search_ms: changed cells -> path joined to the true start and goal. answer_ms: -> smoothed, timed, checked, ready to send.
+Each question starts from an empty world. Solvable means: RRTConnect solves it in 5 s under the same inflation.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from rich.progress import track
+
+from benchmarks.provenance import provenance
+from benchmarks.questions import SETS, Question, questions
+from benchmarks.referee import Referee, at_steps
+from common.cell import load
+from common.config import plain
+from services.planner.assemble import Parts, assemble
+from services.planner.config import PlannerConfig
+from services.planner.core.lookup import BlockedCounts
+from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
+from services.planner.core.rrt_connect import RrtConnect, RrtParameters
+from services.planner.core.world import World, cells_of, solids_of
+from services.planner.rehearsal import rehearse
+
+__all__ = ["add_arguments", "run"]
+
+SOLVE_S = 5.0  # issue
+ITERATIONS = 20_000  # a round of RRTConnect; rounds go on until SOLVE_S
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Which questions, and where the figures go."""
+    parser.add_argument("--set", dest="name", default="task", choices=SETS, help="questions (default %(default)s)")
+    parser.add_argument("--n", type=int, default=500, help="how many (default %(default)s)")
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--json", type=Path, default=None, metavar="FILE")
+    parser.add_argument("--config", type=Path, default=None, metavar="FILE", help="cell config; default: the UR3 cell")
+    parser.add_argument("--override", action="append", default=[], metavar="KEY=VALUE", help="as --set elsewhere: planner.search=astar")
+    parser.add_argument("--once", action="store_true", help="only print the digest of the answers (what the three processes do)")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, judge, print, write."""
+    cell, config = load(args.config, "planner", PlannerConfig, args.override)
+    parts = assemble(cell, config)
+    rehearse(parts, time.monotonic_ns)
+    asked = list(track(questions(parts, args.name, args.n, args.seed), "questions", total=args.n, transient=True, disable=args.once))
+    planner = parts.motion_planner()
+    answers = [_answer(parts, planner, question) for question in _shown(asked, "answers", hide=args.once)]
+    digest = _digest([motion for motion, _ in answers])
+    if args.once:
+        print(digest)
+        return 0
+    solvable = [_solvable(parts, question, answer[0]) for question, answer in zip(_shown(asked, "solvable?"), answers, strict=True)]
+    referee = Referee(parts.robot, cell.static)
+    collisions = 0
+    for question, (motion, _) in zip(_shown(asked, "referee"), answers, strict=True):
+        if isinstance(motion, Motion):
+            collisions += referee.collides(at_steps(_dense(motion)), question.boxes_m)
+    figures = _figures(answers, solvable, collisions)
+    figures["equal_answers_in_3_processes"] = all(_digest_elsewhere(args) == digest for _ in range(2))
+    report = {**provenance(args.seed, plain(config)), "set": args.name, "n": args.n, **figures}
+    print(json.dumps(figures, indent=2))
+    if args.json is not None:
+        args.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    return 0
+
+
+def _shown(asked: list[Question], what: str, *, hide: bool = False) -> Any:
+    return track(asked, what, transient=True, disable=hide)
+
+
+def _answer(parts: Parts, planner: MotionPlanner, question: Question) -> tuple[Any, dict[str, float]]:
+    config = parts.config
+    counts = BlockedCounts(parts.roadmap.table, parts.roadmap.n_neurons, parts.roadmap.n_edges)
+    watch = Stopwatch(time.perf_counter_ns)
+    began = watch.clock_ns()
+    counts.set_cells(question.cells)
+    world = World.of(parts.grid, counts)
+    watch.add("update", began)
+    ask = Ask(question.q_start, question.q_goal, None, config.rules, config.search, config.smoothing.smooth)
+    answer = planner.answer(world, ask, watch)
+    watch.add("answer", began)
+    watch.ms["connect_search"] = watch.ms["update"] + watch.ms["search"]
+    return answer, watch.ms
+
+
+def _solvable(parts: Parts, question: Question, answer: Any) -> bool:
+    """Whether RRTConnect solves it under the same inflation; what we solved needs no proof."""
+    if isinstance(answer, Motion):
+        return True
+    rrt = RrtConnect(
+        parts.checker().arm,
+        solids_of(parts.cell.static),
+        parts.robot.position_min_rad,
+        parts.robot.position_max_rad,
+        RrtParameters(max_iterations=ITERATIONS),
+    )
+    world = rrt.world(cells_of(parts.grid, question.cells), parts.config.margins.safety_m)
+    state = np.random.SeedSequence(question.index).generate_state(4, np.uint64).astype(np.uint64)
+    began = time.monotonic()
+    while time.monotonic() - began < SOLVE_S:
+        if rrt.plan(world, question.q_start, question.q_goal, state) is not None:
+            return True
+    return False
+
+
+def _dense(motion: Motion) -> Any:
+    """The curve itself between its knots, close enough together that straight pieces are the curve."""
+    times = np.linspace(0.0, motion.curve.duration_s, 20 * len(motion.curve.t_s))
+    return motion.curve.sample(times)[0]
+
+
+def _figures(answers: list[tuple[Any, dict[str, float]]], solvable: list[bool], collisions: int) -> dict[str, Any]:
+    solved = [isinstance(motion, Motion) for motion, _ in answers]
+    stages = ("connect_search", "answer", "update", "search", "smooth", "time", "verify")
+    milliseconds = {stage: [ms[stage] for (_, ms), done in zip(answers, solved, strict=True) if done and stage in ms] for stage in stages}
+    return {
+        "n_solvable": sum(solvable),
+        "n_solved": sum(solved),
+        "solved_share": sum(solved) / max(1, sum(solvable)),
+        "collisions": collisions,
+        "fell_back": sum(isinstance(motion, Motion) and motion.fell_back for motion, _ in answers),
+        **{f"{stage}_ms": _percentiles(values) for stage, values in milliseconds.items() if values},
+    }
+
+
+def _percentiles(values: list[float]) -> dict[str, float]:
+    p50, p95, p99 = np.percentile(values, [50, 95, 99])
+    return {"p50": round(float(p50), 3), "p95": round(float(p95), 3), "p99": round(float(p99), 3), "max": round(max(values), 3)}
+
+
+def _digest(motions: list[Any]) -> str:
+    digest = hashlib.sha256()
+    for motion in motions:
+        if isinstance(motion, Motion):
+            for array in (motion.path.neurons, motion.path.q_rad, motion.curve.t_s, motion.curve.q_rad, motion.curve.dq_rad_s):
+                digest.update(np.ascontiguousarray(array).tobytes())
+        else:
+            digest.update(motion.outcome.encode())
+    return digest.hexdigest()
+
+
+def _digest_elsewhere(args: argparse.Namespace) -> str:
+    """The digest that a process of its own gets for the same questions."""
+    command = [sys.executable, "-m", "clients.cli.main", "bench", "replan", "--once", "--set", args.name, "--n", str(args.n)]
+    command += ["--seed", str(args.seed), *(["--config", str(args.config)] if args.config else [])]
+    command += [part for override in args.override for part in ("--override", override)]
+    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip().splitlines()[-1]

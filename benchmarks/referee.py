@@ -1,0 +1,87 @@
+"""The referee of every path: coal on the bare meshes and the true shapes, at steps of 1/256 rad.
+
+It shares no code with the check that it judges.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import coal
+import numpy as np
+from numpy.typing import NDArray
+
+from common.cell import SolidConfig
+from common.geometry.transforms import rpy_matrix
+from common.robot.model import RobotModel
+from common.robot.pairs import coal_mesh
+
+__all__ = ["STEP_RAD", "Referee", "at_steps"]
+
+F64 = NDArray[np.float64]
+STEP_RAD = 1.0 / 256.0  # issue
+
+
+def at_steps(q_rad: F64, step_rad: float = STEP_RAD) -> F64:
+    """(K, J) points of the polyline ``q_rad`` (P, J), no joint moving more than ``step_rad`` between two of them."""
+    parts = [q_rad[:1]]
+    for a, b in pairwise(q_rad):
+        n = max(1, int(np.ceil(np.abs(b - a).max() / step_rad)))
+        parts.append(a + (b - a) * (np.arange(1, n + 1) / n)[:, None])
+    return np.concatenate(parts)
+
+
+class Referee:
+    """Says whether a pose truly touches a box, the static layer or itself."""
+
+    def __init__(self, robot: RobotModel, static: list[SolidConfig]) -> None:
+        self._robot = robot
+        self._bodies = [(coal_mesh(body), body.joint, body.immobile) for body in robot.bodies]
+        self._static = [(_shape(solid), _transform(rpy_matrix(solid.position_m, solid.rpy_rad))) for solid in static]
+        self._request = coal.CollisionRequest()
+
+    def collides(self, q_rad: F64, boxes_m: F64) -> bool:
+        """Whether any of the poses (K, J) touches a box of ``boxes_m`` (n, 2, 3: lowest, highest corner), the static layer or itself."""
+        things = [*self._static, *(_box(low, high) for low, high in boxes_m)]
+        for frames in self._robot.joint_poses(q_rad):
+            poses = [_transform(frame) for frame in frames]
+            if self._touches_things(poses, things) or self._touches_itself(poses):
+                return True
+        return False
+
+    def _touches_things(self, poses: list[coal.Transform3s], things: list[tuple[coal.CollisionGeometry, coal.Transform3s]]) -> bool:
+        return any(
+            not immobile and self._touch(mesh, poses[joint], shape, placed)
+            for mesh, joint, immobile in self._bodies
+            for shape, placed in things
+        )
+
+    def _touches_itself(self, poses: list[coal.Transform3s]) -> bool:
+        for a, b in self._robot.pairs:
+            (mesh_a, joint_a, _), (mesh_b, joint_b, _) = self._bodies[a], self._bodies[b]
+            if self._touch(mesh_a, poses[joint_a], mesh_b, poses[joint_b]):
+                return True
+        return False
+
+    def _touch(self, a: coal.CollisionGeometry, pose_a: coal.Transform3s, b: coal.CollisionGeometry, pose_b: coal.Transform3s) -> bool:
+        result = coal.CollisionResult()
+        coal.collide(a, pose_a, b, pose_b, self._request, result)
+        return bool(result.isCollision())
+
+
+def _shape(solid: SolidConfig) -> coal.CollisionGeometry:
+    if solid.shape == "box":
+        return coal.Box(*solid.size_m)
+    if solid.shape == "cylinder":
+        return coal.Cylinder(*solid.size_m)
+    return coal.Sphere(*solid.size_m)
+
+
+def _box(low: F64, high: F64) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
+    T = np.eye(4)
+    T[:3, 3] = (low + high) / 2.0
+    return coal.Box(*(high - low)), _transform(T)
+
+
+def _transform(T: F64) -> coal.Transform3s:
+    return coal.Transform3s(np.ascontiguousarray(T[:3, :3]), np.ascontiguousarray(T[:3, 3]))
