@@ -153,6 +153,7 @@ def test_drives_a_trajectory_within_the_tracking_limit(cell: Cell) -> None:
     assert moving.trajectory_id == sent.id and moving.dq_reference_rad_s is not None
     assert 0 < moving.trajectory_accepted_ns - sent.stamp_ns < 500_000_000
     done = cell.until("idle", lambda s: s.mode == "idle")
+    assert done.trajectory_id == sent.id
     assert np.allclose(done.q_reference_rad, AWAY, atol=1e-12)
     assert cell.clearance().tracking_error_max_rad <= 0.02
     health = cell.health()
@@ -217,8 +218,8 @@ def test_a_scripted_hand_waits_before_a_standing_arm(cell: Cell) -> None:
 def test_driving_into_a_wall_is_a_caused_contact_and_a_fault_that_reset_ends(cell: Cell) -> None:
     tool = ur3().tool_pose(HOME + np.array([0.8, 0, 0, 0.25, 0, 0]))[:3, 3]
     cell.obstacle(op="add", id="wall", shape="sphere", size_m=[0.1], position_m=tool.tolist())
-    cell.send(AWAY)
-    cell.until("the end of it", lambda s: s.mode in ("idle", "fault"))
+    sent = cell.send(AWAY)
+    cell.until("the end of it", lambda s: s.trajectory_id == sent.id and s.mode in ("idle", "fault"))
     clearance = cell.clearance()
     assert clearance.contacts_caused >= 1 and clearance.contacts == clearance.contacts_caused + clearance.contacts_suffered
     assert {other for _, other in clearance.contact_pairs} == {"wall"}
