@@ -90,7 +90,10 @@ def main() -> None:
     parent_pid, module, *arguments = sys.argv[1:]
     _die_with(int(parent_pid))
     sys.argv = [module, *arguments]
-    runpy.run_module(module, run_name="__main__", alter_sys=True)
+    try:
+        runpy.run_module(module, run_name="__main__", alter_sys=True)
+    except KeyboardInterrupt:  # asked to stop before the module could listen for it
+        sys.exit(128 + signal.SIGINT)
 
 
 if __name__ == "__main__":

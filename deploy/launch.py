@@ -22,10 +22,16 @@ from deploy.processes import PROCESSES, Process, StackOptions, command_line
 from deploy.row import Action, Phase, Row
 from deploy.rundir import RunDirectory
 
-__all__ = ["Supervisor", "main"]
+__all__ = ["StackError", "Supervisor", "main"]
 
 TURN_S = 0.05  # our choice: how soon an exit is noticed; lost tokens wake at once
 GRACE_S = 5.0  # our choice: from INT to KILL
+
+
+class StackError(TolmanError):
+    """A stack cannot run because one of its processes cannot start."""
+
+    code = "cannot_start"
 
 
 class Supervisor:
@@ -41,18 +47,20 @@ class Supervisor:
         self._is_announced = False
         bus.watch_alive(self._alive.__setitem__)
 
-    def run(self, should_stop: Callable[[], bool]) -> int:
-        """Supervise until told to stop (0) or until a process cannot start at all (2)."""
+    def run(self, should_stop: Callable[[], bool]) -> None:
+        """Supervise until told to stop.
+
+        Raises:
+            StackError: a process cannot start at all; its last words are in the message.
+        """
         while not should_stop():
             self._bus.wake.clear()
             for row in self._rows.values():
                 self._turn(row, time.monotonic())
                 if row.phase is Phase.FAILED:
-                    self._say(f"{row.process.name} cannot start: the stack stops (its lines above say why)")
-                    return 2
+                    raise self._failure(row.process.name)
             self._announce()
             self._bus.wake.wait(TURN_S)
-        return 0
 
     def stop(self, is_urgent: Callable[[], bool]) -> None:
         """INT to all, wait, KILL what is left; ``is_urgent`` (a second Ctrl-C) ends the waiting."""
@@ -81,6 +89,10 @@ class Supervisor:
             self._children[name] = Child(name, command_line(row.process, self._options), self._log.write)
         elif action is Action.KILL and child is not None:
             child.kill()
+
+    def _failure(self, name: str) -> StackError:
+        self._children[name].wait(1.0)  # until its last lines are here
+        return StackError(f"{name} cannot start: {self._log.last_line(name)}", facts={"process": name})
 
     def _announce(self) -> None:
         is_complete = all(row.satisfies for row in self._rows.values())
@@ -134,10 +146,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
             bus = stack.enter_context(Bus(address))
             supervisor = Supervisor(options, bus, log)
             stack.callback(supervisor.stop, lambda: signals.count > 1)
-            return supervisor.run(lambda: signals.count > 0)
+            supervisor.run(lambda: signals.count > 0)
     except TolmanError as error:
         print(f"{error.code}: {error.message}", file=sys.stderr)
         return 2
+    return 0
 
 
 if __name__ == "__main__":

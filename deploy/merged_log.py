@@ -28,11 +28,17 @@ class MergedLog:
         self._file = path.open("w", encoding="utf-8", buffering=1)
         self._terminal = terminal
         self._lock = threading.Lock()
+        self._last: dict[str, str] = {}
+
+    def last_line(self, process: str) -> str:
+        """What a process said last, without time and name; empty if nothing."""
+        return self._last.get(process, "")
 
     def write(self, process: str, line: str) -> None:
         """Pass one line on."""
         text = named(process, line, datetime.now()) + "\n"
         with self._lock:
+            self._last[process] = line.split(process, 1)[-1].strip() if _STAMPED.match(line) else line
             if self._file.closed:
                 return
             self._file.write(text)

@@ -39,7 +39,7 @@ def state(n: int, mode: str, dq: np.ndarray) -> RobotState:
         mode=mode,  # type: ignore[arg-type]
         reason="",
         trajectory_id="t",
-        trajectory_time_s=0.1 * n,
+        trajectory_time_s=0.08 * n,
         trajectory_accepted_ns=0,
     )
 

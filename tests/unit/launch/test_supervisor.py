@@ -18,7 +18,7 @@ import pytest
 from clients.stack import free_endpoint
 from common.bus.session import Bus, BusAddress, Router
 from common.errors import RequestError
-from deploy.launch import Supervisor
+from deploy.launch import StackError, Supervisor
 from deploy.merged_log import MergedLog
 from deploy.processes import Process, StackOptions
 from deploy.rundir import RunDirectory
@@ -38,7 +38,8 @@ class Running:
 
     log_file: Path
     namespace: str
-    result: int | None = None
+    is_over: bool = False
+    failure: StackError | None = None
     should_stop: threading.Event = field(default_factory=threading.Event)
 
     def log(self) -> str:
@@ -70,9 +71,13 @@ def supervised(log_file: Path, namespace: str, processes: tuple[Process, ...]) -
         log = MergedLog(log_file, terminal=None)
         with Router(options.address.endpoint), Bus(options.address) as bus:
             supervisor = Supervisor(options, bus, log, processes)
-            running.result = supervisor.run(running.should_stop.is_set)
+            try:
+                supervisor.run(running.should_stop.is_set)
+            except StackError as error:
+                running.failure = error
             supervisor.stop(lambda: False)
         log.close()
+        running.is_over = True
 
     thread = threading.Thread(target=body)
     thread.start()
@@ -93,7 +98,7 @@ def test_it_starts_in_order_of_readiness_and_stops_everything(run: Callable[...,
     pids = [running.pid_of("robot"), running.pid_of("cameras")]
     assert all(pids)
     running.should_stop.set()
-    eventually(lambda: running.result == 0 and not any(Path(f"/proc/{pid}").exists() for pid in pids), 20.0, "the end of all")
+    eventually(lambda: running.is_over and not any(Path(f"/proc/{pid}").exists() for pid in pids), 20.0, "the end of all")
 
 
 def test_a_killed_process_comes_back(run: Callable[..., Running]) -> None:
@@ -118,9 +123,10 @@ def test_a_process_that_hangs_loses_its_token_and_is_replaced(run: Callable[...,
 
 def test_one_that_refuses_to_start_ends_the_stack(run: Callable[..., Running]) -> None:
     running = run(tiny("robot"), tiny("planner", "--refuse"))
-    eventually(lambda: running.result == 2, 20.0, "the end")
+    eventually(lambda: running.is_over, 20.0, "the end")
     assert re.search(r"planner +\| +config: no such thing", running.log())
-    assert "planner cannot start" in running.log()
+    assert running.failure is not None
+    assert running.failure.message == "planner cannot start: config: no such thing"
 
 
 def test_restarts_of_a_crashing_process_slow_down(run: Callable[..., Running]) -> None:
