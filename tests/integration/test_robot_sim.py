@@ -226,7 +226,7 @@ def test_driving_into_a_wall_is_a_caused_contact_and_a_fault_that_reset_ends(cel
     cell.obstacle(op="clear")
     cell.ask("reset")
     assert cell.clearance().contacts == 0
-    assert cell.until("idle at home", lambda s: s.mode == "idle").trajectory_id == ""
+    cell.until("idle at home, all forgotten", lambda s: s.mode == "idle" and s.trajectory_id == "")
 
 
 @pytest.mark.parametrize(
