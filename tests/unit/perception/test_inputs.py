@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import ast
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import services.perception
 from common.cell import load
 from common.errors import ConfigError
 from common.geometry.transforms import invert, look_at
@@ -73,3 +77,14 @@ def test_each_link_may_have_its_own_margin() -> None:
     assert not isinstance(margins, str)
     np.testing.assert_array_equal(margins, [0.01, 0.03])
     assert "elbow" in str(margins_of(["base", "tool"], 0.01, {"elbow": 0.03}))
+
+
+def test_perception_never_names_the_ground_truth() -> None:
+    """Neither the key nor the message of the scene occurs in its code."""
+    sources = sorted(Path(services.perception.__file__).parent.rglob("*.py"))
+    assert len(sources) > 10
+    for source in sources:
+        names = {node.id for node in ast.walk(ast.parse(source.read_text())) if isinstance(node, ast.Name)}
+        strings = {node.value for node in ast.walk(ast.parse(source.read_text())) if isinstance(node, ast.Constant)}
+        assert not {"Scene", "Obstacle", "SetObstacle"} & names, source
+        assert not {"robot/scene", "robot/**", "robot/*", "**"} & strings, source
