@@ -37,7 +37,10 @@ lint: $(STAMP) ## ruff, mypy --strict, import law
 	$(BIN)/lint-imports
 
 bench: $(STAMP) ## the figures of README, one JSON each, into report/
-	$(BIN)/tolman bench all --out report
+	mkdir -p report
+	$(BIN)/tolman build --force --json report/build.json
+	for set in task off_task wall; do $(BIN)/tolman bench replan --set $$set --n 500 --json report/replan-$$set.json || exit 1; done
+	for seed in 0 1 2 3 4; do $(BIN)/tolman demo --headless --seconds 120 --seed $$seed --json report/demo-$$seed.json || exit 1; done
 
 clean: ## remove what setup made
 	rm -rf $(VENV) report

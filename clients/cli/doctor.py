@@ -126,6 +126,20 @@ def compiled_modules() -> list[Finding]:
     return findings or [Finding("compiled modules", True, f"{', '.join(FRAIL_MODULES)} load")]
 
 
+def cognitive_map() -> list[Finding]:
+    """Whether the map of the shipped cell is there; without it a first start takes minutes."""
+    try:
+        from common import cell  # noqa: PLC0415 (must run where packages are missing)
+        from services.planner.config import PlannerConfig  # noqa: PLC0415
+        from services.planner.offline.build import Job  # noqa: PLC0415
+    except ImportError:
+        return []
+    path = Job.of(*cell.load(None, "planner", PlannerConfig)).path
+    if path.exists():
+        return [Finding("map", True, str(path))]
+    return [Finding("map", True, "not made yet: the first start makes it, which takes minutes, or tolman build does")]
+
+
 CHECKS: tuple[Callable[[], list[Finding]], ...] = (
     python_version,
     python_packages,
@@ -133,6 +147,7 @@ CHECKS: tuple[Callable[[], list[Finding]], ...] = (
     compiled_modules,
     cores,
     bus_port,
+    cognitive_map,
 )
 
 
