@@ -114,7 +114,7 @@ class SlowOccupancy:
         if belief.misses >= self.rules.clear_at or now_s - belief.in_view_s > self.rules.unseen_decay_s:
             del self.occupied[cell]
 
-    def look(self, cell: int, e: Exposure) -> int:  # noqa: PLR0911 (each verdict says why at once)
+    def look(self, cell: int, e: Exposure) -> int:
         view, optics = e.view, e.view.optics
         p = view.rotation.T @ (self.centre(cell) - view.translation)
         if p[2] < optics.min_range_m:
