@@ -38,7 +38,6 @@ class Gas(NamedTuple):
     degree: I32  # (C,); -1: slot not in use
     neighbour: I32  # (C, MAX_DEGREE)
     age: I32  # (C, MAX_DEGREE)
-    wins: I32  # (C,) wins in the last refresh
     free: I32  # (C,) stack of slots given back
     counts: I64  # (4,) N_ALIVE N_SLOTS N_FREE N_SIGNALS
     bucket_axis: I64  # (3,)
@@ -327,16 +326,14 @@ def present(
 def refresh(gas: Gas, samples: F64) -> None:
     """One pass that moves nothing: edges between the best two of some sample stay, all others go, then units without edges.
 
-    What is left is Martinetz's competitive Hebbian graph of the final weights. ``gas.wins`` counts the wins of each unit.
+    What is left is Martinetz's competitive Hebbian graph of the final weights.
     """
     n_slots = gas.counts[N_SLOTS]
     for unit in range(n_slots):
-        gas.wins[unit] = 0
         for k in range(max(gas.degree[unit], 0)):
             gas.age[unit, k] = 1
     for i in range(samples.shape[0]):
         s1, _, s2, _ = nearest_two(gas, samples[i])
-        gas.wins[s1] += 1
         connect(gas, s1, s2, 0)
     for unit in range(n_slots):
         if gas.degree[unit] >= 0:
