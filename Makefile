@@ -6,7 +6,8 @@ BIN := $(VENV)/bin
 STAMP := $(VENV)/.up-to-date
 # CI runs Python 3.11; another interpreter may have to compile pybullet.
 PYTHON ?= $(shell command -v python3.11 || command -v python3)
-SECONDS ?= 0
+# How long the demo plays; 0: until Ctrl-C.
+SECONDS ?= 120
 
 .PHONY: help setup demo test lint integration bench clean
 
@@ -21,7 +22,7 @@ $(STAMP): pyproject.toml constraints.txt deploy/system-packages.txt deploy/syste
 	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e '.[dev]'
 	@touch $@
 
-demo: $(STAMP) ## the whole loop in simulation: a UR3 at work while a hand and boxes come in its way (Ctrl-C leaves)
+demo: $(STAMP) ## two minutes of the whole loop: a UR3 at work while a hand and boxes come in its way (SECONDS=0: no end)
 	$(BIN)/tolman demo --seconds $(SECONDS)
 
 test: $(STAMP) ## every test: unit, property, golden, architecture, integration

@@ -40,7 +40,7 @@ class MomentKeeper:
     def __init__(self, arm: Arm) -> None:
         self.best: Moment | None = None
         self._arm = arm
-        self._best_score = 0.0
+        self._best_score = -1.0  # so that the first candidate counts, even without a cell
         self._trail: deque[F64] = deque(maxlen=TRAIL_SAMPLES)
         self._last_sample_ns = 0
         self._voxels: VoxelFrame | None = None
@@ -76,7 +76,7 @@ class MomentKeeper:
         planned, _, _ = curve.sample(np.linspace(0.0, curve.duration_s, PLANNED_SAMPLES))
         way_m = self._arm.tool_positions(planned)
         cells_m = _centres(voxels)
-        n_near = int((cdist(cells_m, way_m).min(axis=1) < NEAR_M).sum())
+        n_near = int((cdist(cells_m, way_m).min(axis=1, initial=np.inf) < NEAR_M).sum())
         score = n_near * float(np.linalg.norm(np.diff(way_m, axis=0), axis=1).sum())
         if score > self._best_score:
             self._best_score = score
