@@ -33,7 +33,7 @@ SCALARS: dict[Any, st.SearchStrategy[Any]] = {
 }
 
 
-def values_of(annotation: Any) -> st.SearchStrategy[Any]:  # noqa: PLR0911 (one return for each kind of type)
+def values_of(annotation: Any) -> st.SearchStrategy[Any]:
     """Values of a field's type."""
     if annotation in SCALARS:
         return SCALARS[annotation]
