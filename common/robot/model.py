@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
@@ -205,7 +206,7 @@ def _limits(model: pin.Model, config: RobotConfig) -> tuple[F64, F64, F64]:
             raise RobotError(f"robot.{name} has {len(mine)} values, the arm has {len(theirs)} joints")
         theirs[:] = narrow(theirs, np.asarray(mine, dtype=np.float64))
     if not np.all(low < high):
-        raise RobotError(f"robot: position limits are empty at joints {[model.names[j + 1] for j in np.flatnonzero(low >= high)]}")
+        raise RobotError(f"robot: position limits are empty at joints {[model.names[int(j) + 1] for j in np.flatnonzero(low >= high)]}")
     if not np.all(np.isfinite(velocity) & (velocity > 0.0)):
         raise RobotError("robot.max_velocity_rad_s: the URDF gives no velocity limit for every joint; state them in the config")
     return low, high, velocity
@@ -244,5 +245,5 @@ def _read_cache(path: Path) -> tuple[BodyGrids, I64] | None:
         pairs = arrays.pop("pairs")
         arrays["spacing_m"] = float(arrays["spacing_m"])
         return BodyGrids(**arrays), pairs
-    except (OSError, ValueError, KeyError, TypeError, EOFError):
+    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile):
         return None  # not there yet, or torn by a crash: made anew

@@ -78,7 +78,8 @@ def _from_map(value: dict[Any, Any]) -> np.ndarray[Any, np.dtype[Any]]:
         expected *= n
     if expected != len(data) or expected > MAX_ARRAY_BYTES:
         raise WireError(f"array of dtype {dtype} and shape {shape} needs {expected} bytes, got {len(data)}")
-    return np.frombuffer(data, dtype=np.dtype(dtype)).reshape(shape)
+    # A copy: a read-only view of the payload would make numba compile every kernel that it meets a second time.
+    return np.frombuffer(data, dtype=np.dtype(dtype)).reshape(shape).copy()
 
 
 def _encode_hook(value: Any) -> Any:

@@ -22,7 +22,8 @@ class MarginsConfig(Strict, frozen=True):
     safety_m: Length = 0.02  # paper: arm parts are inflated by a safety distance; 2 cm is the default
     static_m: Length = 0.01  # our choice: the reference is tracked to 0.02 rad, a few millimetres at the tool
     self_m: Length = 0.005  # our choice
-    step_m: Annotated[float, Meta(gt=0, le=0.1)] = 0.01  # half a cell: no part of the arm moves farther between two checked poses
+    step_m: Annotated[float, Meta(gt=0, le=0.1)] = 0.02  # no part of the arm moves farther between two checked poses, so none is ever
+    # farther than half of it from a checked one: half of the safety distance is left in between
 
 
 class SmoothingConfig(Strict, frozen=True):

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from common.robot.kernels import forward_kinematics
 from common.robot.trajectory import JointTrajectory
 from services.planner.kernels.collision import FREE, HIT_CELL, HIT_STATIC, Arm, Cells, Solids, cells_that_hit, pose_verdict
-from services.planner.kernels.path import curve_verdict, segment_verdict
+from services.planner.kernels.path import curve_verdict, first_blocked, segment_verdict
 
 __all__ = ["Checker", "CurveVerdict", "HandReach"]
 
@@ -76,6 +76,11 @@ class Checker:
         forward_kinematics(self.arm.chain, q_rad, self._rotation, self._translation)
         cells_that_hit(self.arm, cells, safety, self._rotation, self._translation, hit)
         return hit.astype(bool)
+
+    def poses_meet(self, cells: Cells, q_rad: F64) -> int | None:
+        """Index of the first of the poses (K, J) that a cell blocks; nothing else is looked at, nor what lies between them."""
+        k = int(first_blocked(self.arm, cells, self.safety_m, q_rad))
+        return None if k < 0 else k
 
     def segment(self, cells: Cells, q_a: F64, q_b: F64) -> bool:
         """Whether the straight joint segment is free."""

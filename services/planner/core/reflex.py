@@ -6,6 +6,7 @@ instants gets the same bytes out.
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -28,6 +29,7 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 AT_GOAL_RAD = 2e-3  # the reference ends on the goal to rounding; this is a tenth of the tracking error allowed
 STOP_LEAD_S = 0.02  # a stop leaves the running motion so much later: transport and two control cycles
+BUDGET_ANSWERS, BUDGET_ROOM, BUDGET_MAX_S = 8, 1.3, 0.2  # answers that the splice budget follows, room on top, and its end; our choice
 BRANCHES_IN_MOTION = 3  # inverse-kinematics branches tried while the arm moves; all of them when it stands
 
 
@@ -105,6 +107,7 @@ class Reflex:
         self._blocked_at_s: float | None = None  # time on what is under way of its first blocked point
         self._hand_at_s: float | None = None  # and of the first point at which a hand could be met
         self._n_sent = 0
+        self._recent_answers_s: deque[float] = deque(maxlen=BUDGET_ANSWERS)
         self._events: list[Event] = []
         self._outbox: list[Sent] = []
 
@@ -236,7 +239,7 @@ class Reflex:
         if isinstance(answer, NotFound):
             self._no_way(answer)
             return
-        start_s = now_s + self._config.replan.splice_budget_s
+        start_s = now_s + self._budget_s
         self._send_motion(answer, q_goal, now_s, start_s, "none", None)
 
     def _splice(self, now_s: float, arm: ArmState, rule: str) -> bool:
@@ -266,11 +269,16 @@ class Reflex:
             self._send_motion(answer, q_goal, now_s, now_s + (at_s - self._time_s(arm, now_s)), "shorter", at_s)
             self._shorter.forget()
 
+    @property
+    def _budget_s(self) -> float:
+        """How much later than now a new motion may take over: what answers took lately, with room, and never less than configured."""
+        return min(max(self._config.replan.splice_budget_s, BUDGET_ROOM * max(self._recent_answers_s, default=0.0)), BUDGET_MAX_S)
+
     def _splice_state(self, now_s: float, arm: ArmState) -> tuple[float, F64, F64] | None:
         """Time, position and velocity on the motion under way a budget from now; None when the way up to there is not free."""
         sent = self.underway.sent
         assert sent is not None
-        at_s = self._time_s(arm, now_s) + self._config.replan.splice_budget_s
+        at_s = self._time_s(arm, now_s) + self._budget_s
         if at_s < 0.0 or at_s >= sent.curve.duration_s or (self._blocked_at_s is not None and self._blocked_at_s <= at_s):
             return None
         q, dq, _ = sent.curve.sample(at_s)
@@ -293,6 +301,7 @@ class Reflex:
                 break
             first = first or answer
         watch.add("total", began)
+        self._recent_answers_s.append(watch.ms["total"] / 1e3)
         self.report.timing_ms = {"update": self.report.timing_ms.get("update", 0.0), **watch.ms}
         return (answer if isinstance(answer, Motion) or first is None else first), q_goal
 

@@ -34,15 +34,15 @@ __all__ = [
     "Arm",
     "Cells",
     "Solids",
-    "arm_step_m",
     "block_bounds",
     "cell_touches_body",
     "cells_that_hit",
+    "displacement_m",
+    "frames_verdict",
     "pose_hits_cell",
-    "pose_hits_self",
-    "pose_hits_static",
     "pose_is_free",
     "pose_verdict",
+    "static_clearance",
 ]
 
 F64 = NDArray[np.float64]
@@ -53,6 +53,7 @@ FREE, HIT_CELL, HIT_STATIC, HIT_SELF = 0, 1, 2, 3
 BOX, SPHERE, CYLINDER = 0, 1, 2
 BLOCK = 16  # cells that share a bounding sphere; our choice
 ROOT3 = math.sqrt(3.0)
+LOOK_M = 0.1  # how far beyond the margin the static layer is measured, to know how long it needs no look; our choice
 
 
 class Arm(NamedTuple):
@@ -192,57 +193,64 @@ def _solid_distance(kind, size_m, turn, shift, s, px, py, pz):  # type: ignore[n
 
 
 @njit(cache=True, nogil=True)
-def pose_hits_static(arm, solids, rotation, translation):  # type: ignore[no-untyped-def]
-    """Index of a static solid nearer than the margin to a moving body, or -1."""
-    grids, margin = arm.grids, arm.static_margin_m
+def static_clearance(arm, solids, rotation, translation, enough_m):  # type: ignore[no-untyped-def]
+    """``(distance, solid)``: lower bound in metres of the distance of the moving bodies to the static layer, and to which solid.
+
+    Distances of ``enough_m`` and more are not looked into: then ``enough_m`` is the answer, with -1.
+    """
+    grids = arm.grids
     kind, size, turn, shift = solids.kind, solids.size_m, solids.rotation, solids.translation
     groups, spheres, first = grids.group_m, grids.spheres_m, grids.group_sphere_offset
+    best, which = enough_m, -1
     for b in range(len(arm.moving)):
         if not arm.moving[b]:
             continue
         frame, origin = rotation[grids.body_joint[b]], translation[grids.body_joint[b]]
         cx, cy, cz = to_world(frame, origin, grids.bound_centre_m, b)
         for s in range(len(kind)):
-            if _solid_distance(kind, size, turn, shift, s, cx, cy, cz) - grids.bound_radius_m[b] > margin:
+            if _solid_distance(kind, size, turn, shift, s, cx, cy, cz) - grids.bound_radius_m[b] >= best:
                 continue
             for g in range(grids.group_offset[b], grids.group_offset[b + 1]):
                 x, y, z = to_world(frame, origin, groups, g)
-                if _solid_distance(kind, size, turn, shift, s, x, y, z) - groups[g, 3] > margin:
+                if _solid_distance(kind, size, turn, shift, s, x, y, z) - groups[g, 3] >= best:
                     continue
                 for p in range(first[g], first[g + 1]):
                     x, y, z = to_world(frame, origin, spheres, p)
-                    if _solid_distance(kind, size, turn, shift, s, x, y, z) - spheres[p, 3] <= margin:
-                        return s
-    return -1
+                    distance = _solid_distance(kind, size, turn, shift, s, x, y, z) - spheres[p, 3]
+                    if distance < best:
+                        best, which = distance, s
+    return best, which
 
 
 @njit(cache=True, nogil=True)
-def pose_hits_self(arm, rotation, translation):  # type: ignore[no-untyped-def]
-    """Row of the pair of bodies nearer to one another than the margin, or -1."""
+def frames_verdict(arm, solids, cells, safety_m, rotation, translation, moved_m, slack):  # type: ignore[no-untyped-def]
+    """``(FREE | HIT_CELL | HIT_STATIC | HIT_SELF, index of what is hit)`` of the pose with the given frames.
+
+    Along a way the static layer is mostly far. ``slack`` (1,) remembers how far the arm may still move until it must be looked at again;
+    ``moved_m`` is what it moved since the last call. Zero means: look. (The same for pairs of bodies does not pay: their measured
+    distances end at the distance grids' reach, less than two steps.)
+    """
+    i = pose_hits_cell(arm, cells, safety_m, rotation, translation)
+    if i >= 0:
+        return HIT_CELL, i
+    slack[0] -= moved_m
+    if slack[0] <= 0.0:
+        distance, i = static_clearance(arm, solids, rotation, translation, arm.static_margin_m + LOOK_M)
+        if distance <= arm.static_margin_m:
+            return HIT_STATIC, i
+        slack[0] = distance - arm.static_margin_m
     enough_m = arm.self_margin_m + TENTH_MM  # distances are stored in tenths of a millimetre
     for p in range(len(arm.pairs)):
-        if pair_distance(arm.grids, arm.pairs[p, 0], arm.pairs[p, 1], rotation, translation, enough_m) < enough_m:
-            return p
-    return -1
+        if pair_distance(arm.grids, arm.pairs[p, 0], arm.pairs[p, 1], rotation, translation, enough_m) <= arm.self_margin_m:
+            return HIT_SELF, p
+    return FREE, -1
 
 
 @njit(cache=True, nogil=True)
 def pose_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
-    """``(FREE | HIT_CELL | HIT_STATIC | HIT_SELF, index of what is hit)`` of ``q_rad`` (J,). The last two arguments are scratch.
-
-    Scratch: ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3); on return the frames of the pose.
-    """
+    """:func:`frames_verdict` of ``q_rad`` (J,) by itself. ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3): scratch."""
     forward_kinematics(arm.chain, q_rad, rotation, translation)
-    i = pose_hits_cell(arm, cells, safety_m, rotation, translation)
-    if i >= 0:
-        return HIT_CELL, i
-    i = pose_hits_static(arm, solids, rotation, translation)
-    if i >= 0:
-        return HIT_STATIC, i
-    i = pose_hits_self(arm, rotation, translation)
-    if i >= 0:
-        return HIT_SELF, i
-    return FREE, -1
+    return frames_verdict(arm, solids, cells, safety_m, rotation, translation, 0.0, np.zeros(1))
 
 
 @njit(cache=True, nogil=True)
@@ -252,30 +260,26 @@ def pose_is_free(arm, solids, cells, safety_m, q_rad, rotation, translation):  #
 
 
 @njit(cache=True, nogil=True)
-def arm_step_m(arm, dq_rad, rotation, translation):  # type: ignore[no-untyped-def]
-    """Upper bound in metres of how far any point of the arm moves for a small joint step ``dq_rad`` (J,) from the given frames.
+def displacement_m(arm, rotation_a, translation_a, rotation_b, translation_b):  # type: ignore[no-untyped-def]
+    """Farthest in metres that any point of the moving bodies is apart in two poses, given by their frames.
 
-    A point moves at most by the sum over joints of |dq_j| times its distance from axis j; distances are bounded by each body's sphere.
+    A body's points are mapped by one affine map, so none moves farther than the farthest corner of the body's box.
     """
-    grids, chain = arm.grids, arm.chain
-    largest = 0.0
+    grids = arm.grids
+    low, high = grids.box_min_m, grids.box_max_m
+    largest2 = 0.0
     for b in range(len(arm.moving)):
-        j_body = grids.body_joint[b]
-        if j_body == 0:
+        j = grids.body_joint[b]
+        if j == 0:
             continue
-        cx, cy, cz = to_world(rotation[j_body], translation[j_body], grids.bound_centre_m, b)
-        moved = 0.0
-        for j in range(1, j_body + 1):
-            if dq_rad[j - 1] == 0.0:
-                continue
-            if chain.prismatic[j - 1]:
-                moved += abs(dq_rad[j - 1])
-                continue
-            # The joint's axis is the same in its own frame before and after its motion.
-            ax, ay, az = chain.axis[j - 1, 0], chain.axis[j - 1, 1], chain.axis[j - 1, 2]
-            x, y, z = to_joint_frame(rotation[j], translation[j], cx, cy, cz)
-            along = x * ax + y * ay + z * az
-            lever = math.sqrt(max(x * x + y * y + z * z - along * along, 0.0)) + grids.bound_radius_m[b]
-            moved += abs(dq_rad[j - 1]) * lever
-        largest = max(largest, moved)
-    return largest
+        ra, ta, rb, tb = rotation_a[j], translation_a[j], rotation_b[j], translation_b[j]
+        for corner in range(8):
+            x = high[b, 0] if corner & 1 else low[b, 0]
+            y = high[b, 1] if corner & 2 else low[b, 1]
+            z = high[b, 2] if corner & 4 else low[b, 2]
+            d2 = 0.0
+            for r in range(3):
+                d = tb[r] - ta[r] + (rb[r, 0] - ra[r, 0]) * x + (rb[r, 1] - ra[r, 1]) * y + (rb[r, 2] - ra[r, 2]) * z
+                d2 += d * d
+            largest2 = max(largest2, d2)
+    return math.sqrt(largest2)

@@ -8,10 +8,10 @@ import numpy as np
 from numba import njit
 
 from common.robot.kernels import FAR, body_grid, forward_kinematics, look_up, to_joint_frame
-from services.planner.kernels.collision import FREE, arm_step_m, pose_verdict
+from services.planner.kernels.collision import FREE, displacement_m, frames_verdict, pose_hits_cell
 from services.planner.kernels.lookup import segment_steps
 
-__all__ = ["cells_distance", "curve_verdict", "leaves", "nearest_free", "segment_verdict"]
+__all__ = ["cells_distance", "curve_verdict", "first_blocked", "leaves", "nearest_free", "segment_verdict"]
 
 
 @njit(cache=True, nogil=True)
@@ -22,13 +22,15 @@ def segment_verdict(arm, solids, cells, safety_m, step_m, q_a, q_b):  # type: ig
         (FREE | HIT_CELL | HIT_STATIC | HIT_SELF, index of what is hit, fraction 0..1 of the first blocked sample).
     """
     n_joints = len(q_a)
-    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
+    rotation, translation = np.empty((2, n_joints + 1, 3, 3)), np.empty((2, n_joints + 1, 3))
+    slack = np.zeros(1)
     dq, q = q_b - q_a, q_a.copy()
     n_steps = segment_steps(arm, q_a, dq, step_m, rotation, translation)
     for s in range(n_steps + 1):
         for j in range(n_joints):
             q[j] = q_a[j] + dq[j] * (s / n_steps)
-        verdict, index = pose_verdict(arm, solids, cells, safety_m, q, rotation, translation)
+        forward_kinematics(arm.chain, q, rotation[0], translation[0])
+        verdict, index = frames_verdict(arm, solids, cells, safety_m, rotation[0], translation[0], step_m, slack)
         if verdict != FREE:
             return verdict, index, s / n_steps
     return FREE, -1, 1.0
@@ -38,36 +40,31 @@ def segment_verdict(arm, solids, cells, safety_m, step_m, q_a, q_b):  # type: ig
 def curve_verdict(arm, solids, cells, safety_m, step_m, t_s, q_rad, dq_rad_s, from_s, to_s):  # type: ignore[no-untyped-def]
     """Check the cubic Hermite curve of a trajectory between two times, ends included.
 
-    Between knots the joint way is bounded by the curve's Bezier polygon (a curve is never longer than it), and each knot interval is cut
-    into so many steps that no point of the arm moves by more than ``step_m``.
+    Each knot interval is cut into equal times, so many that no point of the arm moves by more than ``step_m`` from one to the next:
+    displacements are taken between the knots and the middle, and a tenth is added for what varies within the halves.
 
     Returns:
         (verdict, index of what is hit, time in s of the first blocked sample or ``to_s``, number of poses checked).
     """
     n_joints = q_rad.shape[1]
-    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
-    q, way = np.empty(n_joints), np.empty(n_joints)
+    rotation, translation = np.empty((3, n_joints + 1, 3, 3)), np.empty((3, n_joints + 1, 3))
+    slack, q = np.zeros(1), np.empty(n_joints)
     n_poses = 0
     for k in range(max(1, len(t_s) - 1)):
-        t0, t1 = t_s[k], t_s[min(k + 1, len(t_s) - 1)]
-        if t1 < from_s or t0 > to_s:
+        begin_s, end_s = max(from_s, t_s[k]), min(to_s, t_s[min(k + 1, len(t_s) - 1)])
+        if end_s < begin_s or (end_s == begin_s and n_poses > 0):
             continue
-        h = t1 - t0
-        n_steps = 1
-        if h > 0.0:
-            for j in range(n_joints):
-                v0, v1 = dq_rad_s[k, j] * h / 3.0, dq_rad_s[k + 1, j] * h / 3.0
-                way[j] = abs(v0) + abs(q_rad[k + 1, j] - v1 - q_rad[k, j] - v0) + abs(v1)
-            _hermite(t_s, q_rad, dq_rad_s, k, 0.5, q)
-            forward_kinematics(arm.chain, q, rotation, translation)
-            n_steps = max(1, math.ceil(1.1 * arm_step_m(arm, way, rotation, translation) / step_m))
-        first = 0 if n_poses == 0 else 1
-        for s in range(first, n_steps + 1):
-            t = t0 + h * (s / n_steps)
-            if t < from_s - h / n_steps or t > to_s + h / n_steps:
-                continue
-            _hermite(t_s, q_rad, dq_rad_s, k, s / n_steps, q)
-            verdict, index = pose_verdict(arm, solids, cells, safety_m, q, rotation, translation)
+        for third in range(3):
+            _hermite(t_s, q_rad, dq_rad_s, k, begin_s + 0.5 * third * (end_s - begin_s), q)
+            forward_kinematics(arm.chain, q, rotation[third], translation[third])
+        first_half = displacement_m(arm, rotation[0], translation[0], rotation[1], translation[1])
+        second_half = displacement_m(arm, rotation[1], translation[1], rotation[2], translation[2])
+        n_steps = max(1, math.ceil(2.2 * max(first_half, second_half) / step_m))
+        for s in range(0 if n_poses == 0 else 1, n_steps + 1):
+            t = begin_s + (end_s - begin_s) * (s / n_steps)
+            _hermite(t_s, q_rad, dq_rad_s, k, t, q)
+            forward_kinematics(arm.chain, q, rotation[0], translation[0])
+            verdict, index = frames_verdict(arm, solids, cells, safety_m, rotation[0], translation[0], step_m, slack)
             n_poses += 1
             if verdict != FREE:
                 return verdict, index, t, n_poses
@@ -75,15 +72,28 @@ def curve_verdict(arm, solids, cells, safety_m, step_m, t_s, q_rad, dq_rad_s, fr
 
 
 @njit(cache=True, nogil=True)
-def _hermite(t_s, q_rad, dq_rad_s, k, u, out):  # type: ignore[no-untyped-def]
-    """Position at fraction ``u`` of knot interval ``k``: the interpolant of :mod:`common.robot.trajectory` (a test holds them equal)."""
+def _hermite(t_s, q_rad, dq_rad_s, k, at_s, out):  # type: ignore[no-untyped-def]
+    """Position at time ``at_s`` of knot interval ``k``: the interpolant of :mod:`common.robot.trajectory` (a test holds them equal)."""
     if len(t_s) == 1:
         out[:] = q_rad[0]
         return
     h = t_s[k + 1] - t_s[k]
+    u = (at_s - t_s[k]) / h
     for j in range(q_rad.shape[1]):
         v0, v1, d = dq_rad_s[k, j] * h, dq_rad_s[k + 1, j] * h, q_rad[k + 1, j] - q_rad[k, j]
         out[j] = q_rad[k, j] + u * (v0 + u * ((3.0 * d - 2.0 * v0 - v1) + u * (v0 + v1 - 2.0 * d)))
+
+
+@njit(cache=True, nogil=True)
+def first_blocked(arm, cells, safety_m, poses_rad):  # type: ignore[no-untyped-def]
+    """Index of the first of ``poses_rad`` (K, J) that a cell blocks, or -1."""
+    n_joints = poses_rad.shape[1]
+    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
+    for k in range(len(poses_rad)):
+        forward_kinematics(arm.chain, poses_rad[k], rotation, translation)
+        if pose_hits_cell(arm, cells, safety_m, rotation, translation) >= 0:
+            return k
+    return -1
 
 
 @njit(cache=True, nogil=True)

@@ -1,0 +1,70 @@
+"""Slow and obvious twins of the planner's kernels."""
+
+from __future__ import annotations
+
+import heapq
+
+import numpy as np
+
+from common.robot.kernels import body_distance
+from services.planner.kernels.collision import Arm
+
+__all__ = ["slow_counts", "slow_dijkstra", "slow_pose_cells", "slow_touches"]
+
+
+def slow_touches(arm: Arm, b: int, frame: np.ndarray, centre: np.ndarray, half: float, safety: float) -> bool:
+    """The rule in words: the cube is near if its ball surely is; if its ball may be, ask its eight octants."""
+
+    def distance(world: np.ndarray) -> float:
+        return body_distance(arm.grids, b, *(frame[:3, :3].T @ (world - frame[:3, 3])))
+
+    here = distance(centre)
+    if here > safety + half * np.sqrt(3.0):
+        return False
+    if here <= safety + half:
+        return True
+    signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
+    return any(distance(centre + half / 2 * sign) <= safety + half / 2 * np.sqrt(3.0) for sign in signs)
+
+
+def slow_pose_cells(arm: Arm, frames: np.ndarray, centres: np.ndarray, half: float, safety: float) -> np.ndarray:
+    """Which of the cells (C,) with ``centres`` (C, 3) block a pose with world ``frames`` (J + 1, 4, 4)."""
+    hit = np.zeros(len(centres), dtype=bool)
+    for b in np.flatnonzero(arm.moving):
+        frame = frames[arm.grids.body_joint[b]]
+        middle = frame[:3, :3] @ arm.grids.bound_centre_m[b] + frame[:3, 3]
+        near = np.linalg.norm(centres - middle, axis=1) <= arm.grids.bound_radius_m[b] + safety + half * np.sqrt(3.0) + 0.02
+        for i in np.flatnonzero(near & ~hit):
+            hit[i] = slow_touches(arm, int(b), frame, centres[i], half, safety)
+    return hit
+
+
+def slow_counts(rows: dict[int, list[int]], cells: set[int], n: int) -> np.ndarray:
+    """Counts from nothing: each occupied cell adds one to each owner in its row."""
+    count = np.zeros(n, dtype=np.int64)
+    for cell in cells:
+        for owner in rows.get(cell, []):
+            count[owner] += 1
+    return count
+
+
+def slow_dijkstra(n: int, edges: dict[tuple[int, int], float], starts: dict[int, float], goals: dict[int, float]) -> float:
+    """Cost of the cheapest way from any start to any goal; infinite if there is none."""
+    neighbours: dict[int, list[tuple[int, float]]] = {k: [] for k in range(n)}
+    for (a, b), length in edges.items():
+        neighbours[a].append((b, length))
+        neighbours[b].append((a, length))
+    best = dict.fromkeys(range(n), np.inf)
+    heap = []
+    for node, cost in starts.items():
+        best[node] = min(best[node], cost)
+        heapq.heappush(heap, (cost, node))
+    while heap:
+        cost, node = heapq.heappop(heap)
+        if cost > best[node]:
+            continue
+        for other, length in neighbours[node]:
+            if cost + length < best[other]:
+                best[other] = cost + length
+                heapq.heappush(heap, (cost + length, other))
+    return min((best[node] + cost for node, cost in goals.items()), default=np.inf)

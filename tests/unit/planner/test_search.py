@@ -1,0 +1,105 @@
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial import KDTree
+
+from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.lookup import LookupTable
+from services.planner.core.roadmap import Roadmap
+from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
+from tests.support.slow_planner import slow_dijkstra
+
+
+def _roadmap(n, seed):
+    q = np.random.default_rng(seed).normal(size=(n, 3))
+    _, near = KDTree(q).query(q, k=4)
+    learned = CognitiveMap.of(q, np.array([(i, j) for i in range(n) for j in near[i, 1:]]))
+    empty = LookupTable(*(np.zeros(2, dtype=np.int64), np.empty(0, dtype=np.uint16)) * 2, np.empty(0, dtype=np.int32))
+    return Roadmap.of(learned, empty, "test")
+
+
+def _best_first(r, node, edge, starts, goals, use_bound, q_goal):
+    n, m = r.n_neurons, r.n_edges
+    size = len(starts) + 2 * m + n + 1
+    path = np.empty(n, dtype=np.int32)
+    k, cost, settled = best_first(
+        r.neurons_rad, r.adj_offset, r.adj_node, r.adj_edge, r.adj_length, node, edge,
+        np.array(list(starts), dtype=np.int32), np.array(list(starts.values())), np.array(list(goals), dtype=np.int32),
+        np.array(list(goals.values())), q_goal, use_bound, np.empty(n), np.empty(n, dtype=np.int32), np.empty(size),
+        np.empty(size, dtype=np.int32), path,
+    )  # fmt: skip
+    return (None if k == NOT_FOUND else path[:k]), cost, settled
+
+
+@settings(max_examples=80, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 0.6), st.booleans())
+def test_costs_equal_the_slow_twin(seed, share_blocked, use_bound):
+    r = _roadmap(80, seed)
+    rng = np.random.default_rng(seed)
+    node = (rng.random(80) < share_blocked).astype(np.int32)
+    edge = (rng.random(r.n_edges) < share_blocked / 3).astype(np.int32)
+    q_goal = rng.normal(size=3)
+    starts = {int(k): float(rng.random()) for k in rng.choice(80, 3, replace=False)}
+    goals = {int(k): float(np.linalg.norm(r.neurons_rad[k] - q_goal)) for k in rng.choice(80, 3, replace=False)}
+    path, cost, _ = _best_first(r, node, edge, starts, goals, use_bound, q_goal)
+    free = {
+        (int(a), int(b)): float(length)
+        for (a, b), length, e in zip(r.edges, np.linalg.norm(np.diff(r.neurons_rad[r.edges], axis=1)[:, 0], axis=1), edge, strict=True)
+        if not (node[a] or node[b] or e)
+    }
+    open_starts = {k: c for k, c in starts.items() if not node[k]}
+    expected = slow_dijkstra(80, free, open_starts, {k: c for k, c in goals.items() if not node[k]})
+    if path is None:
+        assert expected == np.inf
+        return
+    assert cost == pytest.approx(expected, abs=1e-9)
+    walked = starts[path[0]] + goals[path[-1]] + np.linalg.norm(np.diff(r.neurons_rad[path], axis=0), axis=1).sum()
+    assert walked == pytest.approx(cost, abs=1e-9)
+    assert all((min(a, b), max(a, b)) in free for a, b in itertools.pairwise(path))
+
+
+def test_a_star_settles_fewer():
+    r = _roadmap(2000, 1)
+    none, no_edge = np.zeros(2000, dtype=np.int32), np.zeros(r.n_edges, dtype=np.int32)
+    start, goal = 0, int(np.argmax(np.linalg.norm(r.neurons_rad - r.neurons_rad[0], axis=1)))
+    results = [_best_first(r, none, no_edge, {start: 0.0}, {goal: 0.0}, bound, r.neurons_rad[goal]) for bound in (False, True)]
+    assert results[0][1] == pytest.approx(results[1][1], abs=1e-12)
+    assert results[1][2] < results[0][2]
+
+
+def _breadth_first(r, node, edge, starts, goals):
+    n = r.n_neurons
+    path = np.empty(n, dtype=np.int32)
+    scratch = [np.empty(n, dtype=np.int32) for _ in range(3)]
+    k, hops, _ = breadth_first(
+        r.adj_offset, r.adj_node, r.adj_edge, node, edge, np.array(list(starts), dtype=np.int32), np.zeros(len(starts)),
+        np.array(list(goals), dtype=np.int32), np.zeros(len(goals)), *scratch, path,
+    )  # fmt: skip
+    return (None if k == NOT_FOUND else path[:k]), hops
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 0.6))
+def test_wavefront_takes_the_fewest_neurons(seed, share_blocked):
+    r = _roadmap(80, seed)
+    rng = np.random.default_rng(seed)
+    node = (rng.random(80) < share_blocked).astype(np.int32)
+    edge = np.zeros(r.n_edges, dtype=np.int32)
+    start, goal = (int(k) for k in rng.choice(80, 2, replace=False))
+    path, hops = _breadth_first(r, node, edge, [start], [goal])
+    ones = {(int(a), int(b)): 1.0 for a, b in r.edges if not (node[a] or node[b])}
+    expected = np.inf if node[start] or node[goal] else slow_dijkstra(80, ones, {start: 0.0}, {goal: 0.0})
+    assert hops == expected
+    assert path is None if expected == np.inf else len(path) == expected + 1
+
+
+def test_equal_questions_equal_answers():
+    r = _roadmap(300, 2)
+    none, no_edge = np.zeros(300, dtype=np.int32), np.zeros(r.n_edges, dtype=np.int32)
+    answers = [_best_first(r, none, no_edge, {5: 0.1, 9: 0.1}, {200: 0.0}, False, r.neurons_rad[200])[0].tolist() for _ in range(3)]
+    assert answers[0] == answers[1] == answers[2]

@@ -1,0 +1,75 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import msgspec
+import numpy as np
+import pytest
+
+from common.cell import RobotConfig
+from common.errors import RobotError
+from common.robot.model import load_robot
+from tests.support.arms import PLANAR_URDF, planar_config
+from tests.support.cell import ur3_cell
+
+
+def test_any_serial_arm_from_a_path(tmp_path: Path):
+    robot = load_robot(planar_config(tmp_path))
+    assert robot.n_joints == 2
+    assert [body.name for body in robot.bodies] == ["base", "upper", "lower"]
+    tip = robot.tool_pose(np.array([np.pi / 2, 0.0]))
+    assert tip[:3, 3] == pytest.approx([0.0, 0.55, 0.1], abs=1e-12)
+
+
+def test_the_second_load_comes_from_the_cache_and_is_equal(tmp_path: Path):
+    first, second = load_robot(planar_config(tmp_path)), load_robot(planar_config(tmp_path))
+    assert first.fingerprint == second.fingerprint
+    for a, b in zip(first.grids, second.grids, strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_a_torn_cache_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    first = load_robot(planar_config(tmp_path))
+    (kept,) = (tmp_path / "cache" / "tolman").glob("bodies-*.npz")
+    kept.write_bytes(kept.read_bytes()[:1000])
+    again = load_robot(planar_config(tmp_path))
+    assert np.array_equal(first.grids.distance, again.grids.distance)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"urdf": "/nowhere/arm.urdf"}, "no such file: /nowhere/arm.urdf"),
+        ({"urdf": "example-robot-data:ur_description/urdf/ur33.urdf"}, "no such file"),
+        ({"flange_frame": "hand"}, "no frame 'hand'"),
+        ({"flange_frame": "forearm_link"}, "does not move with the last joint"),
+        ({"immobile_links": ["pedestal"]}, "pedestal"),
+        ({"position_min_rad": [4.0] * 6}, "limits are empty"),
+        ({"home_rad": [9.0] * 6}, "home_rad: shoulder_pan_joint"),
+        ({"locked_joints": {"thumb": 0.0}}, "unknown joints ['thumb']"),
+    ],
+)
+def test_errors_name_place_and_value(change, words):
+    with pytest.raises(RobotError) as caught:
+        load_robot(msgspec.structs.replace(ur3_cell().robot, **change))
+    assert words in caught.value.message
+
+
+def test_a_branching_arm_is_refused_with_the_way_out(tmp_path: Path):
+    finger = """<joint name="finger" type="revolute"><parent link="upper"/><child link="thumb"/><axis xyz="0 0 1"/>
+    <limit lower="-1" upper="1" velocity="1" effort="1"/></joint><link name="thumb"/></robot>"""
+    config = planar_config(tmp_path)
+    Path(config.urdf).write_text(PLANAR_URDF.replace("</robot>", finger), encoding="utf-8")
+    with pytest.raises(RobotError, match="locked_joints"):
+        load_robot(config)
+    locked = load_robot(msgspec.structs.replace(config, locked_joints={"finger": 0.2}))
+    assert locked.n_joints == 2
+
+
+def test_something_that_is_no_urdf(tmp_path: Path):
+    path = tmp_path / "arm.urdf"
+    path.write_text("<robot", encoding="utf-8")
+    config = RobotConfig(name="x", urdf=str(path), flange_frame="f", home_rad=[0.0], max_acceleration_rad_s2=[1.0])
+    with pytest.raises(RobotError):
+        load_robot(config)
