@@ -99,14 +99,16 @@ class Planner:
     def step(self, now_ns: int) -> int | None:
         """Listen, let the reflex act, send, answer."""
         self._listen(now_ns)
+        if now_ns >= self._next_status_ns:  # before the work: a long answer must not make the arm believe that we are gone
+            self._publish_status(now_ns)
         sent, events = self._reflex.step(now_ns / NS)
         for trajectory in sent:
             self._send(trajectory, now_ns)
         for event in events:
             self._publish_event(event)
         self._answer()
-        if now_ns >= self._next_status_ns or self._reflex.report.state != self._last_state or sent:
-            self._publish_status(now_ns)
+        if self._reflex.report.state != self._last_state or sent:
+            self._publish_status(monotonic_ns())
         return now_ns + STEP_NS
 
     # --- in ---

@@ -10,7 +10,7 @@ from clients.stack import OwnStack, free_endpoint
 from common.bus.session import Bus, BusAddress
 from common.wire.messages import Ack, Empty, SetObstacle
 from deploy.processes import StackOptions
-from tests.support.small_map import SMALL_MAP
+from tests.support.small_map import SMALL_MAP, build_small_map
 
 READY_WITHIN_S = 240.0  # the first start compiles kernels and builds the small map
 
@@ -18,6 +18,7 @@ READY_WITHIN_S = 240.0  # the first start compiles kernels and builds the small 
 @pytest.fixture(scope="session")
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnStack]:
     """A running stack on a port and in a namespace of its own; shared by all tests that leave it as they found it."""
+    build_small_map()
     options = StackOptions(BusAddress(free_endpoint(), "integration"), overrides=SMALL_MAP)
     running = OwnStack(options)
     try:

@@ -1,12 +1,13 @@
 """From a question to a path: join start and goal to the map, search what is free, cut corners.
 
 ``rules="checked"``: the true start and goal join the map by connections to the nearest free neurons; a connection is checked when the
-search wants to use it (most never are), and the search is repeated without those that turn out blocked. ``rules="paper"``: start and
+search wants to use it (most never are). ``rules="paper"``: start and
 goal snap to their best matches, only neurons are blocked, nothing else is checked (Steffen et al. 2022, section IV).
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal
 
@@ -27,7 +28,7 @@ I32 = NDArray[np.int32]
 Rules = Literal["checked", "paper"]
 SEARCHES = ("dijkstra", "astar", "wavefront")
 N_CONNECTIONS = 24  # nearest free neurons that start and goal may join; our choice
-MAX_ROUNDS = 24  # searches with blocked connections taken out; our choice
+FREE_CONNECTIONS = 6  # free ones that are enough for an end whose first choice was blocked; our choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +59,31 @@ class NotFound:
 def path_length(q_rad: F64) -> float:
     """Euclidean joint length in rad of a polyline (P, J)."""
     return float(np.linalg.norm(np.diff(q_rad, axis=0), axis=1).sum())
+
+
+class _End:
+    """One end of a question: the neurons it may join, and which of these connections are known to be free."""
+
+    def __init__(self, index: I32, distance: F64, is_free: Callable[[F64], bool]) -> None:
+        self.index = index
+        self.cost = distance.copy()
+        self._is_free = is_free
+        self._known: dict[int, bool] = {}
+
+    def holds(self, neuron: int, neurons_rad: F64) -> bool:
+        """Whether the connection to ``neuron`` is free."""
+        if int(neuron) not in self._known:
+            self._known[int(neuron)] = self._is_free(neurons_rad[neuron])
+        return self._known[int(neuron)]
+
+    def settle(self, neurons_rad: F64) -> None:
+        """Check, nearest first, until ``FREE_CONNECTIONS`` are free, and leave only free ones to the search."""
+        n_free = 0
+        for k, neuron in enumerate(self.index):
+            usable = n_free < FREE_CONNECTIONS and self.holds(neuron, neurons_rad)
+            n_free += usable
+            if not usable:
+                self.cost[k] = np.inf
 
 
 class PathFinder:
@@ -128,31 +154,32 @@ class PathFinder:
         """The nearest neuron of ``q_rad`` (J,), blocked or not."""
         return int(self._nearest(self._none_blocked, q_rad, 1)[0][0])
 
-    def _nearest(self, blocked: I32, q: F64, k: int) -> tuple[I32, F64]:
+    def _nearest(self, blocked: I32, q: F64, k: int = N_CONNECTIONS) -> tuple[I32, F64]:
         index, distance = np.empty(k, dtype=np.int32), np.empty(k)
         n = nearest_free(self.roadmap.neurons_rad, blocked, q, index, distance)
         return index[:n], distance[:n]
 
     def _search_connected(self, world: World, leaving: Leaving | None, q_start: F64, q_goal: F64, search: str) -> I32 | None:
+        """Neurons of the best path whose two connections are free; None if there is none.
+
+        The first search takes all connections for free. Where it uses one that is not, that end's connections are checked, nearest
+        first, until some are free, and the search is repeated with those: three searches at the most.
+        """
         counts = world.counts
-        start, start_cost = self._nearest(counts.node, q_start, N_CONNECTIONS)
-        goal, goal_cost = self._nearest(counts.node, q_goal, N_CONNECTIONS)
-        start_known, goal_known = np.zeros(len(start), dtype=bool), np.zeros(len(goal), dtype=bool)
-        for _ in range(2 * MAX_ROUNDS):
-            neurons = self._search(counts.node, counts.edge, start, start_cost, goal, goal_cost, q_goal, search)
+        ends = [
+            _End(*self._nearest(counts.node, q_start), lambda q: self._joins(world, leaving, q_start, q)),
+            _End(*self._nearest(counts.node, q_goal), lambda q: self.checker.segment(world.cells, q, q_goal)),
+        ]
+        for _ in range(3):
+            start, goal = ends
+            neurons = self._search(counts.node, counts.edge, start.index, start.cost, goal.index, goal.cost, q_goal, search)
             if neurons is None:
                 return None
-            i = int(np.flatnonzero(start == neurons[0])[0])
-            k = int(np.flatnonzero(goal == neurons[-1])[0])
-            start_ok = bool(start_known[i]) or self._joins(world, leaving, q_start, self.roadmap.neurons_rad[start[i]])
-            goal_ok = bool(goal_known[k]) or self.checker.segment(world.cells, self.roadmap.neurons_rad[goal[k]], q_goal)
-            start_known[i], goal_known[k] = start_ok, goal_ok
-            if start_ok and goal_ok:
+            bad = [end for end, used in zip(ends, (neurons[0], neurons[-1]), strict=True) if not end.holds(used, self.roadmap.neurons_rad)]
+            if not bad:
                 return neurons
-            if not start_ok:
-                start_cost[i] = np.inf
-            if not goal_ok:
-                goal_cost[k] = np.inf
+            for end in bad:
+                end.settle(self.roadmap.neurons_rad)
         return None
 
     def _search(

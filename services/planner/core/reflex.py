@@ -30,7 +30,7 @@ I32 = NDArray[np.int32]
 AT_GOAL_RAD = 2e-3  # the reference ends on the goal to rounding; this is a tenth of the tracking error allowed
 STOP_LEAD_S = 0.02  # a stop leaves the running motion so much later: transport and two control cycles
 BUDGET_ANSWERS, BUDGET_ROOM, BUDGET_MAX_S = 8, 1.3, 0.2  # answers that the splice budget follows, room on top, and its end; our choice
-BRANCHES_IN_MOTION = 3  # inverse-kinematics branches tried while the arm moves; all of them when it stands
+BRANCHES_A_STEP = 2  # inverse-kinematics branches tried at a time, so that no step takes long; the next attempt goes on with others
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,6 +107,7 @@ class Reflex:
         self._blocked_at_s: float | None = None  # time on what is under way of its first blocked point
         self._hand_at_s: float | None = None  # and of the first point at which a hand could be met
         self._n_sent = 0
+        self._next_branch = 0
         self._recent_answers_s: deque[float] = deque(maxlen=BUDGET_ANSWERS)
         self._events: list[Event] = []
         self._outbox: list[Sent] = []
@@ -116,6 +117,7 @@ class Reflex:
     def set_goal(self, goal: Goal) -> None:
         """A new goal replaces the old one, also in motion."""
         self.goal = goal
+        self._next_branch = 0
         self._shorter.forget()
         self._rules.now_or_never()
         self.report.state, self.report.reason = "planning", ""
@@ -235,7 +237,7 @@ class Reflex:
     # --- actions ---
 
     def _plan_from_rest(self, now_s: float, arm: ArmState) -> None:
-        answer, q_goal = self._ask(arm.q_reference_rad, None, len(self.goal.branches_rad) if self.goal else 0)
+        answer, q_goal = self._ask(arm.q_reference_rad, None, BRANCHES_A_STEP)
         if isinstance(answer, NotFound):
             self._no_way(answer)
             return
@@ -248,7 +250,7 @@ class Reflex:
         if splice is None:
             return False
         at_s, q, dq = splice
-        answer, q_goal = self._ask(q, dq, BRANCHES_IN_MOTION)
+        answer, q_goal = self._ask(q, dq, BRANCHES_A_STEP)
         if isinstance(answer, NotFound):
             self._no_way(answer)
             return False
@@ -288,18 +290,24 @@ class Reflex:
         return self.underway.time_s(arm, now_s)
 
     def _ask(self, q: F64, dq: F64 | None, branches: int) -> tuple[Motion | NotFound, F64]:
-        """The first of the nearest goal branches that has an answer; the nearest one's refusal if none has."""
+        """The first of some goal branches that has an answer; the nearest one's refusal if none has.
+
+        The nearest branches come first. After an attempt without an answer the next one begins where that ended.
+        """
         assert self.goal is not None
         watch = Stopwatch(self._clock_ns)
         began = self._clock_ns()
         near_first = self.goal.branches_rad[np.argsort(np.linalg.norm(self.goal.branches_rad - q, axis=1), kind="stable")]
+        near_first = np.roll(near_first, -self._next_branch, axis=0)
         first: NotFound | None = None
-        for q_goal in near_first[: max(1, branches)]:
+        for q_goal in near_first[:branches]:
             ask = Ask(q, q_goal, dq, self._config.rules, self._config.search, self._config.smoothing.smooth, self.goal.speed_scale)
             answer = self._planner.answer(self.vision.world, ask, watch)
             if isinstance(answer, Motion):
                 break
             first = first or answer
+        solved = isinstance(answer, Motion)
+        self._next_branch = 0 if solved else (self._next_branch + branches) % len(near_first)
         watch.add("total", began)
         self._recent_answers_s.append(watch.ms["total"] / 1e3)
         self.report.timing_ms = {"update": self.report.timing_ms.get("update", 0.0), **watch.ms}

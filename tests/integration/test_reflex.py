@@ -1,0 +1,192 @@
+"""See, plan, move: the whole loop against a real stack, with boxes in its way."""
+
+from __future__ import annotations
+
+import msgpack
+import pytest
+
+from clients.stack import OwnStack, free_endpoint
+from common.bus.session import Bus, BusAddress, RemoteError
+from common.wire import keys
+from common.wire.messages import (
+    Empty,
+    PlannerEvent,
+    PlannerStatus,
+    PlanReply,
+    PlanRequest,
+    RobotState,
+    ServiceHealth,
+    ServiceInfo,
+    SetGoal,
+    SetObstacle,
+    VoxelFrame,
+)
+from deploy.processes import StackOptions
+from tests.support.operator import OVER_PICK, OVER_PLACE, Operator
+from tests.support.small_map import SMALL_MAP
+
+pytestmark = pytest.mark.integration
+BETWEEN, MIDDLE_BOX = [0.36, 0.0, 0.20], [0.12, 0.10, 0.24]  # across the straight way from bin to bin
+
+
+@pytest.fixture
+def operator(bus: Bus) -> Operator:
+    one = Operator(bus)
+    one.sees_nothing()
+    return one
+
+
+def test_it_goes_round_a_box_that_it_sees(operator: Operator) -> None:
+    operator.go(OVER_PICK)
+    operator.box("box", BETWEEN, MIDDLE_BOX)
+    operator.sees(30)
+    operator.go(OVER_PLACE)
+    after = operator.clearance()
+    assert after.contacts_caused == 0
+    assert after.min_distance_since_reset_m > 0.0
+
+
+def test_a_box_that_comes_in_the_way_of_a_motion_is_dodged_or_waited_for(operator: Operator) -> None:
+    operator.go(OVER_PICK)
+    goal_id = operator.send(OVER_PLACE, speed_scale=0.3)
+    operator.until(lambda: operator.robot is not None and operator.robot.mode == "tracking", "the arm moves")
+    operator.box("box", BETWEEN, MIDDLE_BOX)
+    operator.until(lambda: bool({"replanned", "stopped"} & set(operator.kinds(goal_id))), "the box is answered")
+    operator.until(lambda: operator.reached(goal_id), "the goal", 60.0)
+    assert operator.clearance().contacts_caused == 0
+
+
+def test_the_shorter_way_is_taken_back_after_the_box_is_gone(operator: Operator) -> None:
+    operator.go(OVER_PICK)
+    operator.box("box", BETWEEN, MIDDLE_BOX)
+    operator.sees(30)
+    goal_id = operator.send(OVER_PLACE, speed_scale=0.08)  # slow: the shorter way must last a second before it counts
+    operator.until(lambda: operator.robot is not None and operator.robot.mode == "tracking", "the arm moves")
+    operator.remove("box")
+    operator.until(lambda: any(e.kind == "replanned" and e.facts["rule"] == "shorter" for e in operator.events), "the shorter way")
+    operator.until(lambda: operator.reached(goal_id), "the goal", 90.0)
+
+
+def test_a_goal_inside_live_cells_waits_until_it_is_free(operator: Operator) -> None:
+    operator.go(OVER_PICK)
+    operator.box("box", [0.32, 0.30, 0.20], [0.1, 0.1, 0.1])
+    operator.sees(30)
+    goal_id = operator.send(OVER_PLACE)
+    operator.until(lambda: operator.status is not None and operator.status.state == "blocked", "blocked")
+    assert operator.status is not None and "goal" in operator.status.reason
+    operator.remove("box")
+    operator.until(lambda: operator.reached(goal_id), "the goal", 60.0)
+
+
+def test_no_way_is_said_and_tried_again(operator: Operator) -> None:
+    operator.go(OVER_PICK)
+    # Walls on both sides of the base, higher than the arm reaches: no way from one bin to the other.
+    operator.box("front", [0.43, 0.0, 0.5], [0.66, 0.06, 1.0])
+    operator.box("back", [-0.43, 0.0, 0.5], [0.66, 0.06, 1.0])
+    operator.sees(300)
+    goal_id = operator.send(OVER_PLACE)
+    operator.until(lambda: operator.status is not None and operator.status.state == "blocked", "blocked")
+    assert operator.status is not None and operator.status.reason
+    operator.remove("front")
+    operator.until(lambda: operator.reached(goal_id), "the goal", 60.0)
+    assert operator.clearance().contacts_caused == 0
+
+
+def test_an_arm_with_a_hand_within_its_inflation_gets_out(operator: Operator) -> None:
+    operator.go(OVER_PICK)
+    # 3 cm beside the gripper (6 cm wide, tip at z = 0.20), as near as a polite hand comes.
+    operator.box("hand", [0.32, -0.30 + 0.03 + 0.03 + 0.03, 0.26], [0.06, 0.06, 0.06])
+    operator.sees(5)
+    operator.go(OVER_PLACE)
+    assert operator.clearance().contacts_caused == 0
+
+
+def test_questions_move_nothing(operator: Operator) -> None:
+    operator.look()
+    reply = operator.bus.request("planner/plan", PlanRequest(goal=SetGoal(pose=OVER_PLACE)), PlanReply, timeout_s=20.0)
+    assert reply.outcome == "path" and reply.trajectory is not None and reply.length_rad > 0.0
+    assert reply.path_q_rad.shape == (len(reply.neurons) + 2, 6)
+    state = operator.bus.get_state("robot/state", RobotState)[0]
+    assert state.mode == "idle"
+
+
+@pytest.mark.parametrize(
+    ("request_", "code"),
+    [
+        (PlanRequest(goal=SetGoal(q_rad=[9.0] * 6)), "out_of_limits"),  # type: ignore[arg-type]
+        (PlanRequest(goal=SetGoal(q_rad=[0.0] * 5)), "out_of_limits"),  # type: ignore[arg-type]
+        (PlanRequest(goal=SetGoal(q_rad=[float("nan")] * 6)), "out_of_limits"),  # type: ignore[arg-type]
+        (PlanRequest(goal=SetGoal(q_rad=[0.0, 0.6, 0.3, 0.0, 0.0, 0.0])), "in_collision"),  # type: ignore[arg-type]
+        (PlanRequest(goal=SetGoal(name="nowhere")), "unknown_name"),
+        (PlanRequest(goal=SetGoal()), "bad_goal"),
+        (PlanRequest(goal=SetGoal(name="home"), cells=[1], grid_fingerprint="other"), "foreign_grid"),  # type: ignore[arg-type]
+        (PlanRequest(goal=SetGoal(name="home"), model="other"), "unsupported"),
+    ],
+)
+def test_impossible_questions_are_errors_that_name_the_value(bus: Bus, request_: PlanRequest, code: str) -> None:
+    with pytest.raises(RemoteError) as caught:
+        bus.request("planner/plan", request_, PlanReply, timeout_s=20.0)
+    assert caught.value.code == code
+
+
+def test_late_joiners_get_the_state(stack: OwnStack, operator: Operator) -> None:
+    operator.go(OVER_PICK)
+    with Bus(stack.address) as late:
+        assert late.get_state("planner/status", PlannerStatus)[0].n_neurons > 0
+        assert late.get_state("robot/state", RobotState)[0].q_rad.shape == (6,)
+        assert late.get_state("perception/voxels", VoxelFrame)[0].grid.resolution_m == 0.02
+        events = late.get_state("planner/event", PlannerEvent)
+        assert "goal_reached" in {event.kind for event in events}
+        assert len({event.number for event in events}) == len(events)
+
+
+GARBAGE = [b"", b"\x00", b"garbage", msgpack.packb(7), msgpack.packb({"q_rad": "x"}), msgpack.packb({"cells": [{}] * 50}), b"\xff" * 3000]
+
+
+def test_garbage_on_every_key_ends_nothing(operator: Operator) -> None:
+    bus = operator.bus
+    pids = {owner: bus.request(keys.info(owner), Empty(), ServiceInfo).pid for owner in keys.OWNERS}
+    for channel in keys.CHANNELS:
+        for concrete in _concrete(channel.key):
+            for payload in GARBAGE:
+                if channel.kind is keys.Kind.STATE:
+                    bus.session.put(concrete, payload)
+                elif concrete not in ("robot/stop", "robot/reset"):  # any map is a well-formed order to these
+                    for reply in bus.session.get(concrete, payload=payload, timeout=5.0):
+                        assert reply.ok is not None or reply.err is not None
+    operator.until(lambda: True, "still there")
+    assert {owner: bus.request(keys.info(owner), Empty(), ServiceInfo).pid for owner in keys.OWNERS} == pids
+    assert bus.request(keys.health("planner"), Empty(), ServiceHealth).counters["bad_payloads"] > 0
+    operator.go(OVER_PLACE)
+
+
+def _concrete(key: str) -> list[str]:
+    if key.startswith("camera/"):
+        return [key.replace("*", "front_left")]
+    return [key.replace("*", owner) for owner in keys.OWNERS] if key.startswith("*") else [key]
+
+
+def test_bad_obstacles_are_refused(bus: Bus) -> None:
+    for request in (
+        SetObstacle(op="remove", id="nobody"),
+        SetObstacle(op="add", id="x", shape="box", size_m=[0.1, -0.1, 0.1], position_m=[0.5, 0, 0.5]),
+        SetObstacle(op="add", id="x", shape="box", size_m=[0.1, 0.1, 0.1], position_m=[float("nan"), 0, 0.5]),
+    ):
+        with pytest.raises(RemoteError):
+            bus.request("robot/obstacle", request, Empty)
+
+
+def test_the_papers_own_rules_run_end_to_end() -> None:
+    options = StackOptions(BusAddress(free_endpoint(), "paper"), overrides=(*SMALL_MAP, "planner.rules=paper"))
+    running = OwnStack(options)
+    try:
+        with running.connect() as bus:
+            running.wait_ready(bus, 240.0)
+            operator = Operator(bus)
+            operator.go(OVER_PICK)
+            operator.box("box", BETWEEN, MIDDLE_BOX)
+            operator.sees(30)
+            operator.go(OVER_PLACE)
+            assert operator.status is not None and operator.status.rules == "paper"
+    finally:
+        running.stop()
