@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import msgpack
+import numpy as np
 import pytest
 
 from clients.stack import OwnStack, free_endpoint
@@ -78,18 +79,21 @@ def test_a_goal_inside_live_cells_waits_until_it_is_free(operator: Operator) -> 
     operator.until(lambda: operator.reached(goal_id), "the goal", 60.0)
 
 
-def test_no_way_is_said_and_tried_again(operator: Operator) -> None:
+def test_no_way_is_an_answer(operator: Operator) -> None:
     operator.go(OVER_PICK)
-    # Walls on both sides of the base, higher than the arm reaches: no way from one bin to the other.
-    operator.box("front", [0.43, 0.0, 0.5], [0.66, 0.06, 1.0])
-    operator.box("back", [-0.43, 0.0, 0.5], [0.66, 0.06, 1.0])
-    operator.sees(300)
-    goal_id = operator.send(OVER_PLACE)
-    operator.until(lambda: operator.status is not None and operator.status.state == "blocked", "blocked")
-    assert operator.status is not None and operator.status.reason
-    operator.remove("front")
-    operator.until(lambda: operator.reached(goal_id), "the goal", 60.0)
-    assert operator.clearance().contacts_caused == 0
+    assert operator.voxels is not None
+    grid = operator.voxels.grid
+    x, y, z = (grid.origin_m[k] + (np.arange(grid.shape[k]) + 0.5) * grid.resolution_m for k in range(3))
+    cells = np.zeros(grid.shape, dtype=bool)
+    # Walls before and behind the base, and a ceiling over all: no way from one bin to the other.
+    cells[np.ix_(np.abs(x) > 0.28, np.abs(y) < 0.04, z < 0.6)] = True
+    cells[:, :, (z > 0.54) & (z < 0.6)] = True
+    request = PlanRequest(goal=SetGoal(pose=OVER_PLACE), cells=np.flatnonzero(cells).astype(np.int32), grid_fingerprint=grid.fingerprint)
+    reply = operator.bus.request("planner/plan", request, PlanReply, timeout_s=20.0)
+    assert reply.outcome == "no_path", reply.reason
+    assert "neurons blocked" in reply.reason and len(reply.neurons) == 0
+    open_again = PlanRequest(goal=SetGoal(pose=OVER_PLACE), cells=np.empty(0, dtype=np.int32), grid_fingerprint=grid.fingerprint)
+    assert operator.bus.request("planner/plan", open_again, PlanReply, timeout_s=20.0).outcome == "path"
 
 
 def test_an_arm_with_a_hand_within_its_inflation_gets_out(operator: Operator) -> None:

@@ -352,6 +352,7 @@ class Reflex:
         return f"{self._name}-{self._n_sent}"
 
     def _no_way(self, why: NotFound) -> None:
+        self.underway.refused_reason = ""  # what the robot said of an earlier motion is no longer the point
         if self.report.reason != why.reason and self.goal is not None:
             self._events.append(Event("blocked", self.goal.id, {"outcome": why.outcome, "reason": why.reason}))
         self.report.reason = why.reason

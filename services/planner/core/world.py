@@ -22,7 +22,7 @@ __all__ = ["Leaving", "World", "arm_of", "cells_of", "no_cells", "solids_of"]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 LEAVING_POSES = 40  # poses at which a straight way out is looked at; our choice
-LEAVING_SLACK_M = 0.002  # rounding of the distance grids
+LEAVING_SLACK_M = 0.006  # the distance grids answer by voxels of 5 mm: along a way out they go up and down by one
 
 
 def arm_of(robot: RobotModel, *, static_margin_m: float, self_margin_m: float) -> Arm:
@@ -84,12 +84,12 @@ class World:
     def leaving(self, checker: Checker, q_start: F64) -> Leaving | None:
         """How an arm that stands within the safety distance of some cells may get out; None if it may not.
 
-        Those cells are tolerated for the way out as long as the bare arm touches none of them (a hand came close); what else blocks the
-        start (static layer, itself, cells that the bare arm touches) cannot be left that way.
+        Those cells are tolerated for the way out as long as no cell's middle is in the bare arm (a hand came close, and what is seen of
+        it is a cell thicker than it is); what else blocks the start (static layer, the arm itself) cannot be left that way.
         """
         near = checker.cells_hit(self.cells, q_start)
         tolerated = self.counts.cells[near]
-        if not near.any() or checker.cells_hit(self.cells, q_start, safety_m=0.0).any():
+        if not near.any() or checker.cells_hit(self.cells, q_start, safety_m=-self.cells.half_m).any():
             return None
         rest = World.of(self.grid, self.counts.without(tolerated))
         if checker.pose(rest.cells, q_start)[0] != FREE:
