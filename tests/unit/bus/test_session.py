@@ -212,7 +212,7 @@ def test_liveliness_comes_and_goes(join: Join) -> None:
     service = join()
     service.declare_alive("planner")
     eventually(lambda: seen.get("planner") is True, what="the token")
-    assert watcher.alive_owners() == ["planner"]
+    eventually(lambda: watcher.alive_owners() == ["planner"], what="the token, asked for")
     service.close()
     eventually(lambda: seen.get("planner") is False, what="the end of the token")
     assert watcher.alive_owners() == []
