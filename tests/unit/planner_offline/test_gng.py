@@ -9,17 +9,10 @@ from services.planner.core import gng
 from services.planner.core.cognitive_map import statistics
 from services.planner.core.gng import GasParameters, GrowingNeuralGas
 from services.planner.kernels import gng as kernel
+from tests.support.joint_samples import ring
 from tests.support.slow_gng import SlowGas
 
 NO_STARTS = np.zeros(1, dtype=np.int64)
-
-
-def ring(n: int, n_joints: int = 6, seed: int = 1) -> np.ndarray:
-    """Samples along a bent closed curve with a little noise."""
-    rng = np.random.default_rng(seed)
-    t = rng.uniform(0, 2 * np.pi, n)
-    waves = [np.cos(t), np.sin(t), 0.5 * np.sin(2 * t), 0.3 * np.cos(3 * t), 0.2 * np.sin(t), 0.1 * np.cos(2 * t)]
-    return np.stack(waves[:n_joints], axis=1) + rng.normal(scale=0.02, size=(n, n_joints))
 
 
 def shown_to_both(samples: np.ndarray, order: np.ndarray, p: GasParameters, n_target: int) -> tuple[kernel.Gas, SlowGas]:
@@ -115,19 +108,6 @@ def test_partial_fit_learns_a_new_place_and_keeps_the_old() -> None:
     after = gas.to_map()
     assert statistics(after, elsewhere).quantisation_error_rad < 0.2 * before
     assert statistics(after, samples).quantisation_error_rad < 0.1
-
-
-@pytest.mark.parametrize(
-    "samples", [np.zeros((1, 6)), np.zeros(6), np.full((5, 6), np.nan), np.ones((9, 6))], ids=["one", "flat", "nan", "all the same"]
-)
-def test_useless_samples_are_refused(samples: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="samples"):
-        GrowingNeuralGas(GasParameters(), 10).fit(samples, NO_STARTS, 0)
-
-
-def test_what_is_not_fitted_answers_nothing() -> None:
-    with pytest.raises(ValueError, match="not fitted"):
-        GrowingNeuralGas(GasParameters(), 10).to_map()
 
 
 def test_a_gas_of_one_joint_works() -> None:
