@@ -18,8 +18,8 @@ I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
 
 TILE = 4  # units along a side of a tile; measured on 100 x 100 units in six dimensions: a little faster than 5 and 6
-# A signal moves a unit at lattice distance d by exp(-d^2 / spread) of its rate. Only the square window of half side sqrt(CUT * spread), four
-# standard deviations, is moved. What lies outside would get less than 0.02 % of all that the signal moves, and no unit there more
+# A signal moves a unit at lattice distance d by exp(-d^2 / spread) of its rate. Only the square window of half side sqrt(CUT * spread),
+# four standard deviations, is moved. What lies outside would get less than 0.02 % of all that the signal moves, and no unit there more
 # than exp(-CUT) = 0.034 % of what the winner gets; a unit so far from every winner stays where the wider radius before has left it.
 CUT = 8.0  # our choice
 FAINT = 1e-200  # sums below this may be made of numbers without full precision; such a unit has no sample within 30 standard deviations
