@@ -86,25 +86,27 @@ def limit_ratio(trajectory: JointTrajectory, limits: Limits) -> float:
     return float(max((peak / limits.velocity).max(), (acceleration / limits.acceleration).max()))
 
 
-def time_polyline(path_rad: F64, limits: Limits, velocity_start: F64 | None = None) -> JointTrajectory | None:
+def time_polyline(path_rad: F64, limits: Limits, velocity_start: F64 | None = None) -> tuple[JointTrajectory, F64] | None:
     """A motion along the straight segments of ``path_rad`` (P, J) with a stop at each corner; the last resort of smoothing.
 
-    The segments were checked as edges and connections, so this motion leaves nothing unchecked.
+    Returns:
+        The motion and (P,) the times of its corners; None if it cannot be entered at ``velocity_start`` (J,).
     """
     t, q, dq = [np.zeros(1)], [path_rad[:1]], [np.zeros((1, path_rad.shape[1]))]
+    corner_s = np.zeros(len(path_rad))
     if velocity_start is not None:
         dq[0][0] = velocity_start
     for k in range(len(path_rad) - 1):
-        if np.linalg.norm(path_rad[k + 1] - path_rad[k]) < 1e-9:
-            continue
-        line = Nurbs.of(path_rad[k : k + 2], 1, 1.0, "straight")
-        part = time_curve(line, limits, velocity_start if k == 0 else None)
-        if part is None:
-            return None
-        t.append(t[-1][-1] + part.t_s[1:])
-        q.append(part.q_rad[1:])
-        dq.append(part.dq_rad_s[1:])
-    return JointTrajectory(np.concatenate(t), np.concatenate(q), np.concatenate(dq))
+        if np.linalg.norm(path_rad[k + 1] - path_rad[k]) >= 1e-9:
+            line = Nurbs.of(path_rad[k : k + 2], 1, 1.0, "straight")
+            part = time_curve(line, limits, velocity_start if k == 0 else None)
+            if part is None:
+                return None
+            t.append(t[-1][-1] + part.t_s[1:])
+            q.append(part.q_rad[1:])
+            dq.append(part.dq_rad_s[1:])
+        corner_s[k + 1] = t[-1][-1]
+    return JointTrajectory(np.concatenate(t), np.concatenate(q), np.concatenate(dq)), corner_s
 
 
 def brake(running: JointTrajectory, from_s: float, limits: Limits, within_s: float) -> JointTrajectory:

@@ -88,7 +88,8 @@ def test_leaving_with_a_velocity():
 
 def test_a_polyline_stops_at_each_corner():
     path = _path(3, 5)
-    timed = time_polyline(path, LIMITS)
+    timed, corner_s = time_polyline(path, LIMITS)
+    assert timed.sample(corner_s)[0] == pytest.approx(path)
     assert limit_ratio(timed, LIMITS) <= 1.0 + 1e-5
     for corner in path:
         k = int(np.argmin(np.linalg.norm(timed.q_rad - corner, axis=1)))
