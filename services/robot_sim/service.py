@@ -16,6 +16,8 @@ from common.clock import ClockOffset, monotonic_ns, utc_ns
 from common.errors import RequestError
 from common.log import RateLimit
 from common.robot.model import load_robot
+from common.robot.rates import largest_rates
+from common.robot.trajectory import JointTrajectory
 from common.wire.messages import Ack, Clearance, Empty, PlannerStatus, RobotState, Scene, SetObstacle, Trajectory, VoxelFrame
 from services.robot_sim.adapters.bullet import World
 from services.robot_sim.adapters.bullet_monitor import Monitor
@@ -58,6 +60,7 @@ class RobotSim:
         self._obstacles = Obstacles(self._config.max_obstacles, names)
         limits = Limits(robot.position_min_rad, robot.position_max_rad, robot.max_velocity_rad_s, robot.max_acceleration_rad_s2)
         now_ns = monotonic_ns()
+        largest_rates(JointTrajectory(np.array([0.0, 1.0]), np.stack([robot.home_rad] * 2), np.zeros((2, robot.n_joints))))  # compiles
         self._executor = Executor(limits, self._config.executor, robot.home_rad, now_ns)
         self._pacer = Pacer(self._config.control_hz, now_ns)
         self._next_scene_ns = now_ns

@@ -77,9 +77,12 @@ class Checker:
         cells_that_hit(self.arm, cells, safety, self._rotation, self._translation, hit)
         return hit.astype(bool)
 
-    def poses_meet(self, cells: Cells, q_rad: F64) -> int | None:
-        """Index of the first of the poses (K, J) that a cell blocks; nothing else is looked at, nor what lies between them."""
-        k = int(first_blocked(self.arm, cells, self.safety_m, q_rad))
+    def poses_meet(self, cells: Cells, q_rad: F64, *, room_m: float = 0.0) -> int | None:
+        """Index of the first of the poses (K, J) that comes within the safety distance and ``room_m`` of a cell.
+
+        Nothing else is looked at, nor what lies between the poses.
+        """
+        k = int(first_blocked(self.arm, cells, self.safety_m + room_m, q_rad))
         return None if k < 0 else k
 
     def segment(self, cells: Cells, q_a: F64, q_b: F64) -> bool:

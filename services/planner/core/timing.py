@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from common.robot.rates import largest_rates
 from common.robot.trajectory import JointTrajectory
 from services.planner.core.smoothing import Nurbs
 from services.planner.kernels.timing import fastest_profile
@@ -66,24 +67,9 @@ def time_curve(curve: Nurbs, limits: Limits, velocity_start: F64 | None = None) 
 
 
 def limit_ratio(trajectory: JointTrajectory, limits: Limits) -> float:
-    """Largest velocity or acceleration of the Hermite curve as a share of its limit; at most 1 means: limits kept.
-
-    Exact: on a piece acceleration is linear and velocity quadratic in time, so extremes lie at ends or where acceleration is zero.
-    """
-    t, q, dq = trajectory.t_s, trajectory.q_rad, trajectory.dq_rad_s
-    if len(t) == 1:
-        return 0.0
-    h = np.diff(t)[:, None]
-    d, v0, v1 = np.diff(q, axis=0) / h, dq[:-1], dq[1:]
-    a0 = (6.0 * d - 4.0 * v0 - 2.0 * v1) / h
-    a1 = (-6.0 * d + 2.0 * v0 + 4.0 * v1) / h
-    peak = np.maximum(np.abs(v0), np.abs(v1))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u = a0 / (a0 - a1)
-        inside = v0 + h * (a0 * u + 0.5 * (a1 - a0) * u**2)
-    peak = np.where((u > 0.0) & (u < 1.0), np.maximum(peak, np.abs(inside)), peak)
-    acceleration = np.maximum(np.abs(a0), np.abs(a1))
-    return float(max((peak / limits.velocity).max(), (acceleration / limits.acceleration).max()))
+    """Largest velocity or acceleration of the Hermite curve as a share of its limit; at most 1 means: limits kept. Exact."""
+    speed, acceleration = largest_rates(trajectory)
+    return float(max((speed / limits.velocity).max(), (acceleration / limits.acceleration).max()))
 
 
 def time_polyline(path_rad: F64, limits: Limits, velocity_start: F64 | None = None) -> tuple[JointTrajectory, F64] | None:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from clients.stack import free_endpoint
-from common.bus.session import COMMAND_QUEUE_LENGTH, Bus, BusAddress, Commands, RemoteError, Router
+from common.bus.channels import COMMAND_QUEUE_LENGTH, Commands
+from common.bus.session import Bus, BusAddress, RemoteError, Router
 from common.errors import RequestError
 from common.wire.messages import Ack, CancelGoal, Empty, GoalAccepted, PlannerEvent, RobotState, SetGoal
 from tests.support.eventually import eventually
