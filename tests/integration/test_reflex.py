@@ -30,6 +30,8 @@ from tests.support.operator import OVER_PICK, OVER_PLACE, Operator
 pytestmark = pytest.mark.integration
 BETWEEN, MIDDLE_BOX = [0.36, 0.0, 0.20], [0.12, 0.10, 0.24]  # across the straight way from bin to bin
 
+OVER_PICK_RAD = np.array([-0.9, -1.2, 1.3, -1.6, -1.57, 0.0])  # about there, clear of the wall below
+
 
 @pytest.fixture
 def operator(bus: Bus) -> Operator:
@@ -107,19 +109,24 @@ def test_a_goal_inside_live_cells_waits_until_it_is_free(operator: Operator) -> 
 
 
 def test_no_way_is_an_answer(operator: Operator) -> None:
-    operator.go(OVER_PICK)
+    operator.look()
     assert operator.voxels is not None
     grid = operator.voxels.grid
     x, y, z = (grid.origin_m[k] + (np.arange(grid.shape[k]) + 0.5) * grid.resolution_m for k in range(3))
     cells = np.zeros(grid.shape, dtype=bool)
     # A wall between the bins, open only round the shoulder: no way from one bin to the other.
     cells[:, np.abs(y) < 0.04, :] = ~np.logical_and.outer(np.abs(x) < 0.22, z < 0.46)[:, None, :]
-    request = PlanRequest(goal=SetGoal(pose=OVER_PLACE), cells=np.flatnonzero(cells).astype(np.int32), grid_fingerprint=grid.fingerprint)
-    reply = operator.bus.request("planner/plan", request, PlanReply, timeout_s=20.0)
+
+    def ask(occupied: np.ndarray) -> PlanReply:
+        request = PlanRequest(
+            goal=SetGoal(pose=OVER_PLACE), q_start_rad=OVER_PICK_RAD, cells=occupied.astype(np.int32), grid_fingerprint=grid.fingerprint
+        )
+        return operator.bus.request("planner/plan", request, PlanReply, timeout_s=20.0)
+
+    reply = ask(np.flatnonzero(cells))
     assert reply.outcome == "no_path", reply.reason
     assert "neurons blocked" in reply.reason and len(reply.neurons) == 0
-    open_again = PlanRequest(goal=SetGoal(pose=OVER_PLACE), cells=np.empty(0, dtype=np.int32), grid_fingerprint=grid.fingerprint)
-    assert operator.bus.request("planner/plan", open_again, PlanReply, timeout_s=20.0).outcome == "path"
+    assert ask(np.empty(0)).outcome == "path"
 
 
 def test_an_arm_with_a_hand_within_its_inflation_gets_out(operator: Operator) -> None:
