@@ -16,6 +16,7 @@ from services.planner.core.world import World
 __all__ = ["Asker"]
 
 F64 = NDArray[np.float64]
+LIVE_ROUTES = 2  # paths tried for a branch: the arm waits for the answer, and the next attempt comes with the next frame; our choice
 BUDGET_ANSWERS, BUDGET_ROOM, BUDGET_MAX_S = 8, 1.3, 0.2  # answers that the splice budget follows, room on top, and its end; our choice
 
 
@@ -62,7 +63,7 @@ class Asker:
         first: NotFound | None = None
         config = self._config
         for q_goal in near_first[:n_branches]:
-            ask = Ask(q, q_goal, dq, config.rules, config.search, config.smoothing.smooth, speed_scale)
+            ask = Ask(q, q_goal, dq, config.rules, config.search, config.smoothing.smooth, speed_scale, LIVE_ROUTES)
             answer = self._planner.answer(world, ask, watch)
             if isinstance(answer, Motion):
                 break

@@ -39,6 +39,7 @@ class Ask:
         rules, search: see :mod:`services.planner.core.find`.
         smooth: False drives the raw path with a stop at each corner.
         speed_scale: factor on the planned speed, 0..1.
+        routes: paths that are tried until one stands the exact look.
     """
 
     q_start: F64
@@ -48,6 +49,7 @@ class Ask:
     search: str = "dijkstra"
     smooth: bool = True
     speed_scale: float = 1.0
+    routes: int = ROUTES
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,7 +141,7 @@ class MotionPlanner:
             return found if isinstance(found, NotFound) else self._settled(self._drive(world, ask, found, velocity, limits, watch))
         route = self.finder.route(world, q_from, ask.q_goal, search=ask.search)
         outcome: Motion | NotFound | _Blocked = _Blocked(0) if isinstance(route, Route) else route
-        for _ in range(ROUTES):
+        for _ in range(ask.routes):
             if not isinstance(route, Route) or not isinstance(outcome, _Blocked):
                 break
             began = watch.clock_ns()
@@ -180,7 +182,7 @@ class MotionPlanner:
     ) -> Motion | NotFound | _Blocked:
         """A stop at each corner of the shortened path, else of the path as it was found; else the piece of it that is not free."""
         raw = found.q_rad if velocity is None else np.vstack([ask.q_start, found.q_rad])
-        blocked_s, corner_s = 0.0, np.zeros(1)
+        piece = 0
         for corners in (path, raw):
             began = watch.clock_ns()
             polyline = time_polyline(corners, limits, velocity)
@@ -188,12 +190,11 @@ class MotionPlanner:
             if polyline is None:
                 return NotFound("no_path", "the arm is too fast to leave its way here")
             timed, corner_s = polyline
-            at_s = None if ask.rules == "paper" else self._blocked_at(world, found, timed)
+            blocked_s = None if ask.rules == "paper" else self._blocked_at(world, found, timed)
             watch.add("verify", began)
-            if at_s is None:
+            if blocked_s is None:
                 return Motion(timed, found, "stop at each corner", _length(timed), ask.smooth)
-            blocked_s = at_s
-        piece = int(np.searchsorted(corner_s, blocked_s, side="right")) - 1
+            piece = int(np.searchsorted(corner_s, blocked_s, side="right")) - 1
         return _Blocked(piece if velocity is None else piece - 1)
 
     def _smooth(

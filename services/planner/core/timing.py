@@ -82,17 +82,42 @@ def time_polyline(path_rad: F64, limits: Limits, velocity_start: F64 | None = No
     corner_s = np.zeros(len(path_rad))
     if velocity_start is not None:
         dq[0][0] = velocity_start
-    for k in range(len(path_rad) - 1):
-        if np.linalg.norm(path_rad[k + 1] - path_rad[k]) >= 1e-9:
-            line = Nurbs.of(path_rad[k : k + 2], 1, 1.0, "straight")
-            part = time_curve(line, limits, velocity_start if k == 0 else None)
-            if part is None:
+    for k, way in enumerate(np.diff(path_rad, axis=0)):
+        if np.linalg.norm(way) >= 1e-9:
+            enters = velocity_start is not None and k == 0
+            speed = float(velocity_start @ way) / float(way @ way) if enters else 0.0
+            knots = _along_line(way, limits, speed)
+            if knots is None:
                 return None
-            t.append(t[-1][-1] + part.t_s[1:])
-            q.append(part.q_rad[1:])
-            dq.append(part.dq_rad_s[1:])
+            part_t, s, ds = knots
+            t.append(t[-1][-1] + part_t[1:])
+            q.append(path_rad[k] + s[1:, None] * way)
+            dq.append(ds[1:, None] * way)
         corner_s[k + 1] = t[-1][-1]
     return JointTrajectory(np.concatenate(t), np.concatenate(q), np.concatenate(dq)), corner_s
+
+
+def _along_line(way: F64, limits: Limits, speed: float) -> tuple[F64, F64, F64] | None:
+    """Knots (time, share s of the way, ds/dt) of the fastest motion along a straight ``way`` (J,) to rest at its end.
+
+    Accelerate, cruise, brake, each at one acceleration: pieces that the Hermite interpolant renders exactly. None: ``speed`` (ds/dt at
+    the start) is too fast to stop within the way.
+    """
+    reach = np.maximum(np.abs(way), 1e-12)
+    fastest, hardest = float(np.min(limits.velocity / reach)), float(np.min(limits.acceleration / reach))
+    if speed * speed > 2.0 * hardest:
+        return None
+    peak = min(fastest, float(np.sqrt(hardest + 0.5 * speed * speed)))
+    rise_s, brake_s = abs(peak - speed) / hardest, peak / hardest
+    risen, braked = 0.5 * (speed + peak) * rise_s, 0.5 * peak * brake_s
+    if speed > peak and risen + braked > 1.0:  # faster than its cruise and no room for that: brake at once
+        peak, rise_s, brake_s, risen, braked = speed, 0.0, 2.0 / speed, 0.0, 1.0
+    cruise_s = max(0.0, 1.0 - risen - braked) / peak
+    times = np.cumsum([0.0, rise_s, cruise_s, brake_s])
+    keep = np.concatenate([[True], np.diff(times) > KNOT_LEAST_S])
+    keep[-1] = True
+    shares, speeds = np.array([0.0, risen, 1.0 - braked, 1.0]), np.array([speed, peak, peak, 0.0])
+    return times[keep], shares[keep], speeds[keep]
 
 
 def brake(running: JointTrajectory, from_s: float, limits: Limits, within_s: float) -> JointTrajectory:
