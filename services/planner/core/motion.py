@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.robot.trajectory import JointTrajectory
-from services.planner.core.check import HandReach
+from services.planner.core.check import TOUCH_M, HandReach
 from services.planner.core.find import FoundPath, NotFound, PathFinder, Route, Rules
 from services.planner.core.smoothing import Nurbs, candidates
 from services.planner.core.timing import Limits, time_curve, time_polyline
@@ -232,16 +232,13 @@ class MotionPlanner:
     def _blocked_at(self, world: World, found: FoundPath, timed: JointTrajectory) -> float | None:
         """Time of the first point of the timed curve that must not be driven; None if it is free."""
         leaving = found.leaving
-        if leaving is None:
-            met = self.checker.hand_meets(world.recent, timed, self._hand)
-            if met is not None:
-                return met
-            verdict, _, at_s = self.checker.curve(world.cells, timed)
-            return None if verdict == FREE else at_s
-        verdict, _, at_s = self.checker.curve(leaving.rest.cells, timed)
+        met = self.checker.hand_meets(world.recent, timed, self._hand, safety_m=None if leaving is None else TOUCH_M)
+        if met is not None:
+            return met
+        verdict, _, at_s = self.checker.curve((world if leaving is None else leaving.rest).cells, timed)
         if verdict != FREE:
             return at_s
-        return None if leaving.leads_out(self.checker, timed.q_rad) else 0.0
+        return None if leaving is None or leaving.leads_out(self.checker, timed.q_rad) else 0.0
 
 
 def _length(curve: JointTrajectory) -> float:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from common.robot.trajectory import JointTrajectory
 from services.planner.config import PlannerConfig
 from services.planner.core.asking import Asker
-from services.planner.core.check import HandReach
+from services.planner.core.check import TOUCH_M, HandReach
 from services.planner.core.find import NotFound
 from services.planner.core.motion import Motion, MotionPlanner
 from services.planner.core.replan import Action, ReplanRules, ShorterWay, View
@@ -29,6 +29,7 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 AT_GOAL_RAD = 2e-3  # the reference ends on the goal to rounding; this is a tenth of the tracking error allowed
 STOP_LEAD_S = 0.02  # a stop leaves the running motion so much later: transport and two control cycles
+LOOKS_OUT = 60  # poses of a way out that are looked at again; our choice
 BRANCHES_A_STEP = 2  # inverse-kinematics branches tried at a time, so that no step takes long; the next attempt goes on with others
 
 
@@ -185,9 +186,8 @@ class Reflex:
         sent, goal = self.underway.sent, self.goal
         at_goal = goal is not None and bool(np.any(np.abs(goal.branches_rad - arm.q_reference_rad).max(axis=1) < AT_GOAL_RAD))
         blocked_in = None
-        times = [t for t in (self._blocked_at_s, self._hand_at_s) if t is not None]
-        if sent is not None and times:
-            blocked_in = min(times) - self.underway.time_s(arm, now_s)
+        if sent is not None and self._met_at_s:
+            blocked_in = min(self._met_at_s) - self.underway.time_s(arm, now_s)
         return View(
             now_s=now_s,
             has_goal=goal is not None,
@@ -200,7 +200,13 @@ class Reflex:
             stop_needs_s=self._braking_s(arm) + self._config.replan.stop_margin_s + STOP_LEAD_S,
             cells_changed=self._cells_changed,
             protective=self.vision.protective,
+            faulted=arm.mode == "fault",
         )
+
+    @property
+    def _met_at_s(self) -> list[float]:
+        """Times on what is under way at which something is in the way, or could be before the arm stands."""
+        return [t for t in (self._blocked_at_s, self._hand_at_s) if t is not None]
 
     def _braking_s(self, arm: ArmState) -> float:
         """Time in which the arm could stand, joint by joint v / a; along a path it may take a little longer."""
@@ -217,10 +223,24 @@ class Reflex:
             blocked = np.any(self.vision.counts.node[path] > 0)
             self._blocked_at_s = self._first_blocked(sent, from_s) if blocked else None
             return
+        if sent.motion is not None and sent.motion.path.leaving is not None and self._leads_out(sent, from_s):
+            self._blocked_at_s = self._hand_at_s = None
+            return
         met = self.checker.curve_meets(self.vision.appeared, sent.curve, from_s=from_s)
         times = [t for t in (met, self._still_blocked(sent, from_s)) if t is not None]
         self._blocked_at_s = min(times) if times else None
         self._hand_at_s = self.checker.hand_meets(self.vision.world.recent, sent.curve, self._hand, from_s=from_s)
+
+    def _leads_out(self, sent: Sent, from_s: float) -> bool:
+        """Whether a motion that leaves cells is as good as when it was sent, though the hand may have followed: to stop would be worse."""
+        world, curve = self.vision.world, sent.curve
+        if self.checker.hand_meets(world.recent, curve, self._hand, from_s=from_s, safety_m=TOUCH_M) is not None:
+            return False
+        leaving = world.leaving(self.checker, curve.sample(from_s)[0])
+        if leaving is None:
+            return self._first_blocked(sent, from_s) is None
+        remaining = curve.sample(np.linspace(from_s, curve.duration_s, LOOKS_OUT))[0]
+        return self.checker.curve_meets(leaving.rest.cells, curve, from_s=from_s) is None and leaving.leads_out(self.checker, remaining)
 
     def _still_blocked(self, sent: Sent, from_s: float) -> float | None:
         """A way that was blocked before may have become free again: all cells are looked at."""
@@ -273,7 +293,7 @@ class Reflex:
         sent = self.underway.sent
         assert sent is not None
         at_s = self._time_s(arm, now_s) + self._asker.budget_s
-        if at_s < 0.0 or at_s >= sent.curve.duration_s or (self._blocked_at_s is not None and self._blocked_at_s <= at_s):
+        if at_s < 0.0 or at_s >= sent.curve.duration_s or any(t <= at_s for t in self._met_at_s):
             return None
         q, dq, _ = sent.curve.sample(at_s)
         return at_s, q, dq
@@ -305,9 +325,8 @@ class Reflex:
         from_s = self._time_s(arm, now_s) + STOP_LEAD_S
         from_s = max(from_s, 0.0)
         within = np.inf
-        times = [t for t in (self._blocked_at_s, self._hand_at_s) if t is not None]
-        if times:
-            within = max(0.0, min(times) - from_s - self._config.replan.stop_margin_s)
+        if self._met_at_s:
+            within = max(0.0, min(self._met_at_s) - from_s - self._config.replan.stop_margin_s)
         curve: JointTrajectory = brake(sent.curve, from_s, self._limits, within)
         reason = why or self.report.reason or "the way ahead is blocked"
         start_s = now_s + (from_s - self._time_s(arm, now_s))
@@ -364,6 +383,8 @@ class Reflex:
             report.state, report.reason = "idle", ""
         elif view.protective:
             report.state, report.reason = "blocked", view.protective
+        elif view.faulted:
+            report.state, report.reason = "blocked", f"robot: {self._arm.reason if self._arm is not None else 'fault'}"
         elif sent is not None and sent.kind == "motion":
             report.state = "executing"
         elif self.underway.refused_reason:

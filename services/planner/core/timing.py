@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from common.robot.braking import brake_along
+from common.robot.curves import cut
 from common.robot.rates import largest_rates
 from common.robot.trajectory import JointTrajectory
 from services.planner.core.smoothing import Nurbs
@@ -18,11 +20,11 @@ F64 = NDArray[np.float64]
 GRID_STEP_RAD = (
     0.04  # joint way between grid points, which become the knots; our choice: the arm moves about as far as between two checked poses
 )
-GENTLE_STOP_S, LONGEST_STOP_S = 0.2, 10.0  # a stop takes at least so long where there is room; our choice
+GENTLE, HARD = 0.5, 0.98  # shares of the acceleration limits that stops use, with room and without; the rest of 2 % is for rounding
+FARTHER = 2.5  # how much farther along the way a gentle stop may end than a hard one; our choice
 ROUNDING = 1e-6  # a motion at its limit is not over it
 GRID_POINTS_MIN, GRID_POINTS_MAX = 24, 400
 KNOT_LEAST_S = 1e-4  # knots nearer than that are one
-KNOT_S = 0.02  # knots of a stop; our choice: a Hermite piece of 20 ms follows the braked motion to 1e-4 rad
 TIGHTEN = (1.0, 0.92, 0.84, 0.7, 0.5)  # of the acceleration limits, until the Hermite curve between the knots keeps them too
 
 
@@ -123,8 +125,7 @@ def _along_line(way: F64, limits: Limits, speed: float) -> tuple[F64, F64, F64] 
 def brake(running: JointTrajectory, from_s: float, limits: Limits, within_s: float) -> JointTrajectory:
     """A stop along the running motion: leaves it at ``from_s`` with its velocity and comes to rest on its path.
 
-    The path parameter is the running motion's own time, slowed linearly from 1 to 0 over a braking time T: it advances by T / 2. T is the
-    longest that ends within ``within_s`` of the running motion's time, but never shorter than the limits allow.
+    Gentle where that ends within ``within_s`` of the running motion's time and goes little farther, else as hard as the limits allow.
 
     Args:
         running: the motion under way.
@@ -132,32 +133,7 @@ def brake(running: JointTrajectory, from_s: float, limits: Limits, within_s: flo
         limits: joint limits that hold while braking.
         within_s: time of the running motion left before the arm must stand.
     """
-    shortest = _within_limits(running, from_s, limits, 2.0 * KNOT_S)
-    room = 2.0 * min(within_s, running.duration_s - from_s)
-    wanted = min(room, max(2.0 * shortest, GENTLE_STOP_S))
-    return _brake_over(running, from_s, _within_limits(running, from_s, limits, max(wanted, shortest)))
-
-
-def _brake_over(running: JointTrajectory, from_s: float, brake_s: float) -> JointTrajectory:
-    """The brake of :func:`brake` over ``brake_s``.
-
-    It has a knot wherever the running motion has one, since acceleration jumps there and a Hermite piece across a jump overshoots.
-    """
-    passed = running.t_s[(running.t_s > from_s) & (running.t_s < from_s + brake_s / 2.0)] - from_s
-    at_knots = brake_s * (1.0 - np.sqrt(1.0 - 2.0 * passed / brake_s))
-    even = np.linspace(0.0, brake_s, max(3, int(np.ceil(brake_s / KNOT_S)) + 1))
-    t = np.union1d(even, at_knots)
-    t = t[np.concatenate([[True], np.diff(t) > KNOT_LEAST_S])]
-    t[-1] = brake_s
-    q, dq, _ = running.sample(from_s + t - t**2 / (2.0 * brake_s))
-    dq = dq * (1.0 - t / brake_s)[:, None]
-    dq[-1] = 0.0
-    return JointTrajectory(t, q, dq)
-
-
-def _within_limits(running: JointTrajectory, from_s: float, limits: Limits, least_s: float) -> float:
-    """Shortest braking time in s, ``least_s`` or more, that keeps the limits; found by trying times a tenth apart."""
-    brake_s = least_s
-    while brake_s < LONGEST_STOP_S and limit_ratio(_brake_over(running, from_s, brake_s), limits) > 1.0:
-        brake_s *= 1.1
-    return brake_s
+    remaining = cut(running, from_s, max(from_s, running.duration_s))
+    hard = brake_along(remaining, HARD * limits.acceleration)
+    gentle = brake_along(remaining, GENTLE * limits.acceleration)
+    return (gentle if gentle.path_time_s[-1] <= min(within_s, FARTHER * hard.path_time_s[-1]) else hard).curve

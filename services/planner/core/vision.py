@@ -13,7 +13,7 @@ from services.planner.core.world import World, cells_of
 __all__ = ["RECENT_S", "Vision"]
 
 I32 = NDArray[np.int32]
-RECENT_S = 0.5  # cells that appeared within this time may belong to something that moves; our choice
+RECENT_S = 2.0  # cells that appeared within this time may belong to something that moves: a hand that pauses is still a hand; our choice
 
 
 class Vision:
