@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 from services.planner.config import PlannerConfig
 from services.planner.core.find import NotFound
-from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
+from services.planner.core.motion import ROUTES, Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.world import World
 
 __all__ = ["Asker"]
 
 F64 = NDArray[np.float64]
-LIVE_ROUTES = 2  # paths tried for a branch: the arm waits for the answer, and the next attempt comes with the next frame; our choice
+MOVING_ROUTES = 2  # paths tried for a branch while the arm moves and cannot wait; the next attempt comes with the next frame; our choice
 BUDGET_ANSWERS, BUDGET_ROOM, BUDGET_MAX_S = 8, 1.3, 0.2  # answers that the splice budget follows, room on top, and its end; our choice
 
 
@@ -62,8 +62,9 @@ class Asker:
         near_first = np.roll(near_first, -self._next_branch, axis=0)
         first: NotFound | None = None
         config = self._config
+        routes = ROUTES if dq is None else MOVING_ROUTES
         for q_goal in near_first[:n_branches]:
-            ask = Ask(q, q_goal, dq, config.rules, config.search, config.smoothing.smooth, speed_scale, LIVE_ROUTES)
+            ask = Ask(q, q_goal, dq, config.rules, config.search, config.smoothing.smooth, speed_scale, routes)
             answer = self._planner.answer(world, ask, watch)
             if isinstance(answer, Motion):
                 break

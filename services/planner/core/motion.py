@@ -16,7 +16,7 @@ from services.planner.core.timing import Limits, time_curve, time_polyline
 from services.planner.core.world import World
 from services.planner.kernels.collision import FREE
 
-__all__ = ["AT_REST_RAD_S", "Ask", "Motion", "MotionPlanner", "Stopwatch"]
+__all__ = ["AT_REST_RAD_S", "ROUTES", "Ask", "Motion", "MotionPlanner", "Stopwatch"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
