@@ -8,7 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from common.bus.session import Bus, Received, RemoteError
+from common.bus.channels import Received
+from common.bus.session import Bus, RemoteError
 from common.clock import monotonic_ns, utc_ns
 from common.errors import WireError
 from common.wire import keys

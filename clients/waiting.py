@@ -5,7 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable
 
-from common.bus.session import Bus, Queue
+from common.bus.channels import Queue
+from common.bus.session import Bus
 from common.wire.keys import OWNERS
 from common.wire.messages import PlannerEvent
 

@@ -16,10 +16,11 @@ RangeM = tuple[float, float]
 
 
 class RegionConfig(Strict, frozen=True):
-    """A box of tool positions in the world; the tool points down there, turned anyhow."""
+    """A box of tool positions in the world; the tool points down there, turned about the vertical by ``turn_max_rad`` at most."""
 
     min_m: tuple[float, float, float]
     max_m: tuple[float, float, float]
+    turn_max_rad: float = 3.1416
 
 
 class HandConfig(Strict, frozen=True):

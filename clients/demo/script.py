@@ -37,7 +37,7 @@ class Goal:
 
 
 def goals(seed: int, config: DemoConfig) -> Iterator[Goal]:
-    """Tool poses over the two bins in turn, for ever; the tool points down, turned about the vertical at will."""
+    """Tool poses over the two bins in turn, for ever; the tool points down, turned about the vertical."""
     rng = np.random.default_rng([seed, GOAL_STREAM])
     while True:
         yield Goal("pick", _pose_in(config.pick, rng))
@@ -57,7 +57,7 @@ def _draw(rng: np.random.Generator, bounds: RangeM) -> float:
 
 def _pose_in(region: RegionConfig, rng: np.random.Generator) -> SetGoal:
     position = [float(value) for value in rng.uniform(region.min_m, region.max_m)]
-    half = _draw(rng, (-math.pi, math.pi)) / 2.0
+    half = _draw(rng, (-region.turn_max_rad, region.turn_max_rad)) / 2.0
     # Turn about the vertical, then half a turn about x: (0, 0, sin, cos) * (1, 0, 0, 0).
     quaternion = [math.cos(half), math.sin(half), 0.0, 0.0]
     return SetGoal(pose=Pose(position_m=position, quaternion_xyzw=quaternion))

@@ -1,4 +1,4 @@
-"""Distance between two bodies of the arm: the spheres of one in the distance grid of the other."""
+"""Distances from the spheres that cover a body: to another body of the arm, and to points beyond a distance grid's reach."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from numba import njit
 
 from common.robot.kernels import body_grid, look_up
 
-__all__ = ["pair_distance", "to_world"]
+__all__ = ["cover_distance", "pair_distance", "to_world"]
 
 
 @njit(cache=True, nogil=True)
@@ -40,6 +40,28 @@ def pair_distance(grids, a, b, rotation, translation, enough_m):  # type: ignore
             x, y, z = to_world(turn, shift, spheres, s)
             best = min(best, look_up(distance, grid, x, y, z) - spheres[s, 3])
     return best
+
+
+@njit(cache=True, nogil=True)
+def cover_distance(grids, b, x, y, z, enough_m):  # type: ignore[no-untyped-def]
+    """Lower bound in metres of the distance from body ``b`` to a point in its joint frame, at most ``enough_m``.
+
+    At any range, unlike the distance grids; coarser than they are by how far the spheres stick out.
+    """
+    groups, spheres, first = grids.group_m, grids.spheres_m, grids.group_sphere_offset
+    best = enough_m
+    for g in range(grids.group_offset[b], grids.group_offset[b + 1]):
+        if _to_sphere(groups, g, x, y, z) >= best:
+            continue
+        for s in range(first[g], first[g + 1]):
+            best = min(best, _to_sphere(spheres, s, x, y, z))
+    return best
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _to_sphere(spheres, i, x, y, z):  # type: ignore[no-untyped-def]
+    dx, dy, dz = spheres[i, 0] - x, spheres[i, 1] - y, spheres[i, 2] - z
+    return math.sqrt(dx * dx + dy * dy + dz * dz) - spheres[i, 3]
 
 
 @njit(cache=True, nogil=True)

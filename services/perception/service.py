@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common import cell as cells
+from common.bus.channels import Received
 from common.bus.service import Service, Vitals
-from common.bus.session import Bus, Received
+from common.bus.session import Bus
 from common.clock import ClockOffset, monotonic_ns
 from common.config import plain
 from common.errors import ConfigError

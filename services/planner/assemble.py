@@ -13,7 +13,7 @@ from services.planner.core.check import Checker, HandReach
 from services.planner.core.find import PathFinder
 from services.planner.core.goals import GoalResolver
 from services.planner.core.motion import MotionPlanner
-from services.planner.core.reflex import STOP_LEAD_S, Reflex
+from services.planner.core.reflex import Reflex
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.timing import Limits
 from services.planner.core.vision import Vision
@@ -57,7 +57,7 @@ class Parts:
     def hand(self) -> HandReach:
         """What a hand may do while the arm comes to rest."""
         replan = self.config.replan
-        return HandReach(replan.hand_speed_m_s, replan.splice_budget_s + STOP_LEAD_S, self.robot.max_acceleration_rad_s2)
+        return HandReach(replan.hand_speed_m_s, replan.hand_seen_s, self.robot.max_acceleration_rad_s2)
 
     def motion_planner(self) -> MotionPlanner:
         """A new planner with its own scratch, at the configured share of the limits."""

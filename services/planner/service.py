@@ -12,8 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from common.bus.channels import Command
 from common.bus.service import Vitals
-from common.bus.session import Bus, Command
+from common.bus.session import Bus
 from common.cell import CellConfig
 from common.clock import ClockOffset, monotonic_ns, utc_ns
 from common.errors import RequestError, TolmanError

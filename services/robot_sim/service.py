@@ -15,11 +15,15 @@ from common.cell import CellConfig
 from common.clock import ClockOffset, monotonic_ns, utc_ns
 from common.errors import RequestError
 from common.log import RateLimit
+from common.robot.braking import brake_along
 from common.robot.model import load_robot
+from common.robot.rates import largest_rates
+from common.robot.trajectory import JointTrajectory
 from common.wire.messages import Ack, Clearance, Empty, PlannerStatus, RobotState, Scene, SetObstacle, Trajectory, VoxelFrame
 from services.robot_sim.adapters.bullet import World
 from services.robot_sim.adapters.bullet_monitor import Monitor
 from services.robot_sim.config import RobotSimConfig
+from services.robot_sim.core.contacts import Contact
 from services.robot_sim.core.executor import Cause, Executor
 from services.robot_sim.core.limits import Limits
 from services.robot_sim.core.obstacles import Obstacles, Thing
@@ -58,6 +62,9 @@ class RobotSim:
         self._obstacles = Obstacles(self._config.max_obstacles, names)
         limits = Limits(robot.position_min_rad, robot.position_max_rad, robot.max_velocity_rad_s, robot.max_acceleration_rad_s2)
         now_ns = monotonic_ns()
+        still = JointTrajectory(np.array([0.0, 1.0]), np.stack([robot.home_rad] * 2), np.zeros((2, robot.n_joints)))
+        largest_rates(still)  # compiles the kernels that admit and brake, before the first cycle counts
+        brake_along(still, robot.max_acceleration_rad_s2)
         self._executor = Executor(limits, self._config.executor, robot.home_rad, now_ns)
         self._pacer = Pacer(self._config.control_hz, now_ns)
         self._next_scene_ns = now_ns
@@ -144,12 +151,19 @@ class RobotSim:
         q_reference, dq_reference = self._drive(at_ns)
         q, dq = self._world.joints()
         self._standing = bool(np.abs(dq).max() < self._config.standing_rad_s)
-        self._monitor.after_cycle(at_ns, q, q_reference, dq_reference)
+        for contact in self._monitor.after_cycle(at_ns, q, q_reference, dq_reference):
+            self._tell_contact(contact)
         error = float(np.abs(q - q_reference).max())
         if error > self._config.tracking_fault_rad and before != "fault":
             self._executor.stop(f"the arm is {error:.3f} rad away from its reference: it is jammed", Cause.FAULT)
         self._publish_state(at_ns, q, dq, q_reference, dq_reference)
         self._vitals.meter("cycle").tick(at_ns, (monotonic_ns() - began_ns) / 1e6)
+
+    def _tell_contact(self, contact: Contact) -> None:
+        touch, status = contact.touch, self._executor.status()
+        how = "caused" if contact.is_caused else "suffered"
+        where = f"{status.mode}, {status.trajectory_id or 'no trajectory'} at {status.trajectory_time_s:.3f} s"
+        log.warning("contact %s: %s touches %s, approaching at %.3f m/s (%s)", how, touch.part, touch.other, touch.approach_m_s, where)
 
     def _drive(self, at_ns: int) -> tuple[F64, F64]:
         assert self._world is not None

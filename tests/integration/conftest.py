@@ -1,4 +1,4 @@
-"""The whole stack as real processes around a real router, with a small map that is built once and kept between tests."""
+"""The whole stack as real processes around a real router, with the shipped map, built once and kept between tests."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from clients.stack import OwnStack, free_endpoint
 from common.bus.session import Bus, BusAddress
 from common.wire.messages import Ack, Empty, SetObstacle
 from deploy.processes import StackOptions
-from tests.support.small_map import SMALL_MAP, build_small_map
+from tests.support.shipped_map import build_shipped_map
 
-READY_WITHIN_S = 240.0  # the first start compiles kernels and builds the small map
+READY_WITHIN_S = 240.0  # the first start compiles kernels
 
 
 @pytest.fixture(scope="session")
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnStack]:
     """A running stack on a port and in a namespace of its own; shared by all tests that leave it as they found it."""
-    build_small_map()
-    options = StackOptions(BusAddress(free_endpoint(), "integration"), overrides=SMALL_MAP)
+    build_shipped_map()
+    options = StackOptions(BusAddress(free_endpoint(), "integration"))
     running = OwnStack(options)
     try:
         with running.connect() as bus:

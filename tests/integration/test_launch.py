@@ -19,7 +19,6 @@ from deploy.processes import StackOptions
 from deploy.rundir import RunDirectory
 from tests.support.eventually import eventually
 from tests.support.repository import ROOT
-from tests.support.small_map import SMALL_MAP
 
 pytestmark = pytest.mark.integration
 READY_WITHIN_S = 240.0
@@ -97,8 +96,7 @@ def test_the_log_names_the_process_of_every_line(stack: OwnStack, bus: Bus) -> N
 def test_up_and_down_leave_nothing_behind() -> None:
     before = set(Path("/dev/shm").glob("*.zenoh"))
     where = ["--connect", free_endpoint(), "--namespace", "updown"]
-    overrides = [word for override in SMALL_MAP for word in ("--set", override)]
-    up = tolman("up", "--detach", *where, *overrides, timeout_s=READY_WITHIN_S)
+    up = tolman("up", "--detach", *where, timeout_s=READY_WITHIN_S)
     assert up.returncode == 0, up.stdout + up.stderr
     with Bus(BusAddress(where[1], "updown")) as bus:
         pids = [info_of(bus, owner).pid for owner in keys.OWNERS]
@@ -113,7 +111,7 @@ def test_up_and_down_leave_nothing_behind() -> None:
 
 def test_nobody_survives_a_killed_supervisor() -> None:
     before = set(Path("/dev/shm").glob("*.zenoh"))
-    own = OwnStack(StackOptions(BusAddress(free_endpoint(), "killed"), overrides=SMALL_MAP))
+    own = OwnStack(StackOptions(BusAddress(free_endpoint(), "killed")))
     try:
         with own.connect() as bus:
             eventually(lambda: "robot" in bus.alive_owners(), READY_WITHIN_S, "the robot")

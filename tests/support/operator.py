@@ -78,6 +78,10 @@ class Operator:
         """Whether the goal was reached."""
         return "goal_reached" in self.kinds(goal_id)
 
+    def is_blocked(self) -> bool:
+        """Whether the planner says that it is blocked, and the arm stands."""
+        return self.status is not None and self.status.state == "blocked" and self.robot is not None and self.robot.mode == "idle"
+
     def go(self, pose: Pose, timeout_s: float = 60.0) -> None:
         """Send a goal and wait until it is reached."""
         goal_id = self.send(pose)

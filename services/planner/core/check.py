@@ -12,11 +12,12 @@ from common.robot.trajectory import JointTrajectory
 from services.planner.kernels.collision import FREE, HIT_CELL, HIT_STATIC, Arm, Cells, Solids, cells_that_hit, pose_verdict
 from services.planner.kernels.path import curve_verdict, first_blocked, segment_verdict
 
-__all__ = ["Checker", "CurveVerdict", "HandReach"]
+__all__ = ["TOUCH_M", "Checker", "CurveVerdict", "HandReach"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 HAND_WINDOWS = 4  # windows of growing room; our choice
+TOUCH_M = 0.005  # what an arm that leaves cells keeps from a hand that may follow: the distance grids' rounding; our choice
 HAND_LOOK_S = 0.3  # the fastest moment of the next so many seconds counts; our choice
 CurveVerdict = tuple[int, int, float]
 
@@ -27,7 +28,7 @@ class HandReach:
 
     Attributes:
         speed_m_s: of the hand.
-        latency_s: from its motion to the arm's first braking.
+        latency_s: from its motion to the arm's first braking: the wait for the next frame, and what seeing and answering take.
         acceleration_rad_s2: (J,) with which the arm brakes.
     """
 
@@ -77,9 +78,12 @@ class Checker:
         cells_that_hit(self.arm, cells, safety, self._rotation, self._translation, hit)
         return hit.astype(bool)
 
-    def poses_meet(self, cells: Cells, q_rad: F64) -> int | None:
-        """Index of the first of the poses (K, J) that a cell blocks; nothing else is looked at, nor what lies between them."""
-        k = int(first_blocked(self.arm, cells, self.safety_m, q_rad))
+    def poses_meet(self, cells: Cells, q_rad: F64, *, room_m: float = 0.0) -> int | None:
+        """Index of the first of the poses (K, J) that comes within the safety distance and ``room_m`` of a cell.
+
+        Nothing else is looked at, nor what lies between the poses.
+        """
+        k = int(first_blocked(self.arm, cells, self.safety_m + room_m, q_rad))
         return None if k < 0 else k
 
     def segment(self, cells: Cells, q_a: F64, q_b: F64) -> bool:
@@ -96,19 +100,29 @@ class Checker:
         return int(verdict), int(index), float(at_s)
 
     def curve_meets(
-        self, cells: Cells, curve: JointTrajectory, *, from_s: float = 0.0, to_s: float = np.inf, room_m: float = 0.0
+        self,
+        cells: Cells,
+        curve: JointTrajectory,
+        *,
+        from_s: float = 0.0,
+        to_s: float = np.inf,
+        room_m: float = 0.0,
+        safety_m: float | None = None,
     ) -> float | None:
         """First time at which a curve, known to be free otherwise, comes within the safety distance and ``room_m`` of ``cells``."""
+        safety_m = self.safety_m if safety_m is None else safety_m
         if len(cells.centre_m) == 0:
             return None
         verdict, _, at_s, _ = curve_verdict(
-            self._arm_against_cells, self._no_solids, cells, self.safety_m + room_m, self.step_m,
+            self._arm_against_cells, self._no_solids, cells, safety_m + room_m, self.step_m,
             curve.t_s, curve.q_rad, curve.dq_rad_s, from_s, min(to_s, curve.duration_s),
         )  # fmt: skip
         return None if verdict == FREE else float(at_s)
 
-    def hand_meets(self, recent: Cells, curve: JointTrajectory, reach: HandReach, *, from_s: float = 0.0) -> float | None:
-        """First time at which something that moves could be met before the arm can stand; None if nothing could.
+    def hand_meets(
+        self, recent: Cells, curve: JointTrajectory, reach: HandReach, *, from_s: float = 0.0, safety_m: float | None = None
+    ) -> float | None:
+        """First time at which something that moves could come within ``safety_m`` before the arm can stand; None if nothing could.
 
         What was seen just now may be ``speed`` times t nearer after a time t. Beyond the horizon there is time to see it and to stop, so
         only the near part of the curve is looked at, in windows of growing room.
@@ -116,8 +130,8 @@ class Checker:
         horizon = reach.horizon_s(curve, from_s)
         window = horizon / HAND_WINDOWS
         for k in range(HAND_WINDOWS):
-            begin = from_s + k * window
-            met = self.curve_meets(recent, curve, from_s=begin, to_s=begin + window, room_m=reach.speed_m_s * (k + 1) * window)
+            begin, room_m = from_s + k * window, reach.speed_m_s * (k + 1) * window
+            met = self.curve_meets(recent, curve, from_s=begin, to_s=begin + window, room_m=room_m, safety_m=safety_m)
             if met is not None:
                 return met
         return None

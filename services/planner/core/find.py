@@ -21,7 +21,7 @@ from services.planner.kernels.collision import FREE
 from services.planner.kernels.path import nearest_free
 from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
 
-__all__ = ["SEARCHES", "FoundPath", "NotFound", "PathFinder", "path_length"]
+__all__ = ["SEARCHES", "FoundPath", "NotFound", "PathFinder", "Route", "path_length"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -76,6 +76,11 @@ class _End:
             self._known[int(neuron)] = self._is_free(neurons_rad[neuron])
         return self._known[int(neuron)]
 
+    def ban(self, neuron: int) -> None:
+        """The connection to ``neuron`` is not free, whatever was thought of it."""
+        self._known[int(neuron)] = False
+        self.cost[self.index == neuron] = np.inf
+
     def settle(self, neurons_rad: F64) -> None:
         """Check, nearest first, until ``FREE_CONNECTIONS`` are free, and leave only free ones to the search."""
         n_free = 0
@@ -110,6 +115,11 @@ class PathFinder:
         """
         if rules == "paper":
             return self._find_paper(world, q_start, q_goal, search)
+        route = self.route(world, q_start, q_goal, search=search)
+        return route if isinstance(route, NotFound) else route.find()
+
+    def route(self, world: World, q_start: F64, q_goal: F64, *, search: str) -> Route | NotFound:
+        """The question of :meth:`find` by checked rules, to be asked once or, with parts of the answer banned, again."""
         leaving = None
         verdict, index = self.checker.pose(world.cells, q_start)
         if verdict != FREE:
@@ -120,71 +130,40 @@ class PathFinder:
         verdict, index = self.checker.pose(world.cells, q_goal)
         if verdict != FREE:
             return NotFound("goal_blocked", f"goal: {self.checker.describe(verdict, index)}")
-        if self._joins(world, leaving, q_start, q_goal):
-            direct = np.stack([q_start, q_goal])
-            return FoundPath(np.empty(0, dtype=np.int32), direct, path_length(direct), leaving)
-        neurons = self._search_connected(world, leaving, q_start, q_goal, search)
-        if neurons is None:
-            return NotFound("no_path", self._no_way(world))
-        raw = np.vstack([q_start, self.roadmap.neurons_rad[neurons], q_goal])
-        return FoundPath(neurons, raw, path_length(raw), leaving)
+        return Route(self, world, leaving, q_start, q_goal, search)
 
-    def _no_way(self, world: World) -> str:
+    def no_way(self, world: World) -> str:
+        """Why the map has no path."""
         return f"no way on the map: {world.counts.n_blocked} of {self.roadmap.n_neurons} neurons blocked"
-
-    def _joins(self, world: World, leaving: Leaving | None, q_start: F64, q: F64) -> bool:
-        """Whether the straight way from the start is free and, for an arm that stands among cells, leads out of them."""
-        return self.checker.segment(world.cells, q_start, q) and (leaving is None or leaving.is_way_out(self.checker, q_start, q))
 
     def _find_paper(self, world: World, q_start: F64, q_goal: F64, search: str) -> FoundPath | NotFound:
         ends = []
         for q, outcome, end in ((q_start, "start_blocked", "start"), (q_goal, "goal_blocked", "goal")):
-            best, distance = self._nearest(self._none_blocked, q, 1)
+            best, distance = self.nearest(self._none_blocked, q, 1)
             if world.counts.node[best[0]] > 0:
                 return NotFound(outcome, f"{end}: its best match, neuron {best[0]}, is blocked")  # type: ignore[arg-type]
             ends.append((best, distance))
         (start, start_cost), (goal, goal_cost) = ends
-        neurons = self._search(world.counts.node, self._no_edges_blocked, start, start_cost, goal, goal_cost, q_goal, search)
+        neurons = self.search(world.counts.node, self._no_edges_blocked, start, start_cost, goal, goal_cost, q_goal, search)
         if neurons is None:
-            return NotFound("no_path", self._no_way(world))
+            return NotFound("no_path", self.no_way(world))
         raw = np.vstack([q_start, self.roadmap.neurons_rad[neurons], q_goal])
         return FoundPath(neurons, raw, path_length(raw))
 
     def best_match(self, q_rad: F64) -> int:
         """The nearest neuron of ``q_rad`` (J,), blocked or not."""
-        return int(self._nearest(self._none_blocked, q_rad, 1)[0][0])
+        return int(self.nearest(self._none_blocked, q_rad, 1)[0][0])
 
-    def _nearest(self, blocked: I32, q: F64, k: int = N_CONNECTIONS) -> tuple[I32, F64]:
+    def nearest(self, blocked: I32, q: F64, k: int = N_CONNECTIONS) -> tuple[I32, F64]:
+        """The ``k`` nearest neurons of ``q`` (J,) whose count in ``blocked`` (N,) is zero, nearest first, and their distances in rad."""
         index, distance = np.empty(k, dtype=np.int32), np.empty(k)
         n = nearest_free(self.roadmap.neurons_rad, blocked, q, index, distance)
         return index[:n], distance[:n]
 
-    def _search_connected(self, world: World, leaving: Leaving | None, q_start: F64, q_goal: F64, search: str) -> I32 | None:
-        """Neurons of the best path whose two connections are free; None if there is none.
-
-        The first search takes all connections for free. Where it uses one that is not, that end's connections are checked, nearest
-        first, until some are free, and the search is repeated with those: three searches at the most.
-        """
-        counts = world.counts
-        ends = [
-            _End(*self._nearest(counts.node, q_start), lambda q: self._joins(world, leaving, q_start, q)),
-            _End(*self._nearest(counts.node, q_goal), lambda q: self.checker.segment(world.cells, q, q_goal)),
-        ]
-        for _ in range(3):
-            start, goal = ends
-            neurons = self._search(counts.node, counts.edge, start.index, start.cost, goal.index, goal.cost, q_goal, search)
-            if neurons is None:
-                return None
-            bad = [end for end, used in zip(ends, (neurons[0], neurons[-1]), strict=True) if not end.holds(used, self.roadmap.neurons_rad)]
-            if not bad:
-                return neurons
-            for end in bad:
-                end.settle(self.roadmap.neurons_rad)
-        return None
-
-    def _search(
+    def search(
         self, node_count: I32, edge_count: I32, start: I32, start_cost: F64, goal: I32, goal_cost: F64, q_goal: F64, search: str
     ) -> I32 | None:
+        """Neurons of the best path from any of ``start`` to any of ``goal`` at these joining costs; None if there is none."""
         r = self.roadmap
         if search == "wavefront":
             n, _, _ = breadth_first(
@@ -247,3 +226,79 @@ class PathFinder:
                 ahead = here + max(1, (ahead - here) // 2)
             kept.append(ahead)
         return np.asarray(path[kept])
+
+
+class Route:
+    """One question that may be asked again: where an exact look at the answer finds a piece blocked, that piece is banned.
+
+    The map's edges are checked at the table's samples and connections at theirs, so a finer look may still find a touch between them. The
+    map is not at its end then: the search goes on without that piece.
+    """
+
+    def __init__(self, finder: PathFinder, world: World, leaving: Leaving | None, q_start: F64, q_goal: F64, search: str) -> None:
+        self._finder, self._world, self._leaving = finder, world, leaving
+        self._q_start, self._q_goal, self._search = q_start, q_goal, search
+        self._edge_count = world.counts.edge
+        self._try_direct = True
+        self._ends: tuple[_End, _End] | None = None
+
+    def find(self) -> FoundPath | NotFound:
+        """The best path of those not banned."""
+        if self._try_direct and self._joins(self._q_goal):
+            return self._found(np.empty(0, dtype=np.int32))
+        self._try_direct = False
+        neurons = self._search_connected()
+        return NotFound("no_path", self._finder.no_way(self._world)) if neurons is None else self._found(neurons)
+
+    def ban(self, found: FoundPath, piece: int) -> None:
+        """Never again use the straight piece from ``found.q_rad[piece]`` to the next point."""
+        if len(found.neurons) == 0:
+            self._try_direct = False
+        elif piece <= 0:
+            self._both_ends()[0].ban(found.neurons[0])
+        elif piece >= len(found.neurons):
+            self._both_ends()[1].ban(found.neurons[-1])
+        else:
+            if self._edge_count is self._world.counts.edge:
+                self._edge_count = self._edge_count.copy()
+            self._edge_count[self._finder.roadmap.edge_between(found.neurons[piece - 1], found.neurons[piece])] += 1
+
+    def _found(self, neurons: I32) -> FoundPath:
+        raw = np.vstack([self._q_start, self._finder.roadmap.neurons_rad[neurons], self._q_goal])
+        return FoundPath(neurons, raw, path_length(raw), self._leaving)
+
+    def _joins(self, q: F64) -> bool:
+        """Whether the straight way from the start is free and, for an arm that stands among cells, leads out of them."""
+        checker, leaving = self._finder.checker, self._leaving
+        free = checker.segment(self._world.cells, self._q_start, q)
+        return free and (leaving is None or leaving.is_way_out(checker, self._q_start, q))
+
+    def _both_ends(self) -> tuple[_End, _End]:
+        if self._ends is None:
+            finder, world = self._finder, self._world
+            self._ends = (
+                _End(*finder.nearest(world.counts.node, self._q_start), self._joins),
+                _End(*finder.nearest(world.counts.node, self._q_goal), lambda q: finder.checker.segment(world.cells, q, self._q_goal)),
+            )
+        return self._ends
+
+    def _search_connected(self) -> I32 | None:
+        """Neurons of the best path whose two connections are free; None if there is none.
+
+        The first search takes all connections for free. Where it uses one that is not, that end's connections are checked, nearest
+        first, until some are free, and the search is repeated with those: three searches at the most.
+        """
+        neurons_rad = self._finder.roadmap.neurons_rad
+        start, goal = ends = self._both_ends()
+        for _ in range(3):
+            neurons = self._finder.search(
+                self._world.counts.node, self._edge_count, start.index, start.cost, goal.index, goal.cost, self._q_goal, self._search
+            )
+            if neurons is None:
+                return None
+            bad = [end for end, used in zip(ends, (neurons[0], neurons[-1]), strict=True) if not end.holds(used, neurons_rad)]
+            if not bad:
+                return neurons
+            for end in bad:
+                end.settle(neurons_rad)
+        return None

@@ -9,14 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.robot.trajectory import JointTrajectory
-from services.planner.core.check import HandReach
-from services.planner.core.find import FoundPath, NotFound, PathFinder, Rules
+from services.planner.core.check import TOUCH_M, HandReach
+from services.planner.core.find import FoundPath, NotFound, PathFinder, Route, Rules
 from services.planner.core.smoothing import Nurbs, candidates
 from services.planner.core.timing import Limits, time_curve, time_polyline
 from services.planner.core.world import World
 from services.planner.kernels.collision import FREE
 
-__all__ = ["AT_REST_RAD_S", "Ask", "Motion", "MotionPlanner", "Stopwatch"]
+__all__ = ["AT_REST_RAD_S", "ROUTES", "Ask", "Motion", "MotionPlanner", "Stopwatch"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -25,6 +25,7 @@ Clock = Callable[[], int]
 AT_REST_RAD_S = 1e-3  # a start slower than this is a start from rest; our choice
 LEADS = (1.1, 1.8)  # lead-in as a multiple of the braking distance along the velocity; 1 would be just enough to stop at its end
 SAME_PLACE_RAD = 1e-6
+ROUTES = 5  # paths a question is given until one stands the exact look; our choice: nearly all stand at once
 QUICK_LOOKS = 50  # poses of a curve looked at before it is timed; our choice
 
 
@@ -38,6 +39,7 @@ class Ask:
         rules, search: see :mod:`services.planner.core.find`.
         smooth: False drives the raw path with a stop at each corner.
         speed_scale: factor on the planned speed, 0..1.
+        routes: paths that are tried until one stands the exact look.
     """
 
     q_start: F64
@@ -47,6 +49,7 @@ class Ask:
     search: str = "dijkstra"
     smooth: bool = True
     speed_scale: float = 1.0
+    routes: int = ROUTES
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,6 +69,13 @@ class Motion:
     smoothing: str
     length_rad: float
     fell_back: bool
+
+
+@dataclass(frozen=True)
+class _Blocked:
+    """No curve along a path is free; ``piece`` of the path (from that point to the next) is where even the straight one is not."""
+
+    piece: int
 
 
 @dataclass
@@ -120,28 +130,79 @@ class MotionPlanner:
         return np.asarray(direction * (factor * speed**2 / (2.0 * deceleration)))
 
     def _from(self, world: World, ask: Ask, velocity: F64 | None, q_from: F64, limits: Limits, watch: Stopwatch) -> Motion | NotFound:
-        """A motion that leaves ``ask.q_start`` (with ``velocity``, straight to ``q_from``) and goes on from there by the map."""
+        """A motion that leaves ``ask.q_start`` (with ``velocity``, straight to ``q_from``) and goes on from there by the map.
+
+        Where the exact look finds a piece of the path blocked, the map is asked again without that piece.
+        """
         began = watch.clock_ns()
-        found = self.finder.find(world, q_from, ask.q_goal, rules=ask.rules, search=ask.search)
-        began = watch.add("search", began)
-        if isinstance(found, NotFound):
-            return found
+        if ask.rules == "paper":
+            found = self.finder.find(world, q_from, ask.q_goal, rules="paper", search=ask.search)
+            watch.add("search", began)
+            return found if isinstance(found, NotFound) else self._settled(self._drive(world, ask, found, velocity, limits, watch))
+        route = self.finder.route(world, q_from, ask.q_goal, search=ask.search)
+        outcome: Motion | NotFound | _Blocked = _Blocked(0) if isinstance(route, Route) else route
+        for _ in range(ask.routes):
+            if not isinstance(route, Route) or not isinstance(outcome, _Blocked):
+                break
+            began = watch.clock_ns()
+            found = route.find()
+            watch.add("search", began)
+            if isinstance(found, NotFound):
+                return found
+            outcome = self._drive(world, ask, found, velocity, limits, watch)
+            if isinstance(outcome, _Blocked):
+                route.ban(found, outcome.piece)
+        return self._settled(outcome)
+
+    @staticmethod
+    def _settled(outcome: Motion | NotFound | _Blocked) -> Motion | NotFound:
+        return NotFound("no_path", "no curve along the way is free") if isinstance(outcome, _Blocked) else outcome
+
+    def _drive(
+        self, world: World, ask: Ask, found: FoundPath, velocity: F64 | None, limits: Limits, watch: Stopwatch
+    ) -> Motion | NotFound | _Blocked:
+        """The smoothest motion along a path that is free; else the piece of the path that is not."""
+        began = watch.clock_ns()
         path = found.q_rad
         if ask.smooth and ask.rules == "checked":
             path = self.finder.cut_corners(world, found, self._shortcut_checks)
-            watch.add("smooth", began)
         path = path if velocity is None else np.vstack([ask.q_start, path])
         path = path[np.concatenate([[True], np.linalg.norm(np.diff(path, axis=0), axis=1) > SAME_PLACE_RAD])]
         if len(path) == 1:
             here = JointTrajectory(np.zeros(1), path.copy(), np.zeros_like(path))
             return Motion(here, found, "already there", 0.0, False)
-        return self._drive(world, ask, found, path, velocity, limits, watch)
+        watch.add("smooth", began)
+        smooth = self._smooth(world, ask, found, path, velocity, limits, watch) if ask.smooth else None
+        if smooth is not None:
+            return smooth
+        return self._stop_at_corners(world, ask, found, path, velocity, limits, watch)
 
-    def _drive(
+    def _stop_at_corners(
         self, world: World, ask: Ask, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch
-    ) -> Motion | NotFound:
+    ) -> Motion | NotFound | _Blocked:
+        """A stop at each corner of the shortened path, else of the path as it was found; else the piece of it that is not free."""
+        raw = found.q_rad if velocity is None else np.vstack([ask.q_start, found.q_rad])
+        piece = 0
+        for corners in (path, raw):
+            began = watch.clock_ns()
+            polyline = time_polyline(corners, limits, velocity)
+            began = watch.add("time", began)
+            if polyline is None:
+                return NotFound("no_path", "the arm is too fast to leave its way here")
+            timed, corner_s = polyline
+            blocked_s = None if ask.rules == "paper" else self._blocked_at(world, found, timed)
+            watch.add("verify", began)
+            if blocked_s is None:
+                return Motion(timed, found, "stop at each corner", _length(timed), ask.smooth)
+            piece = int(np.searchsorted(corner_s, blocked_s, side="right")) - 1
+        return _Blocked(piece if velocity is None else piece - 1)
+
+    def _smooth(
+        self, world: World, ask: Ask, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch
+    ) -> Motion | None:
+        """The smoothest of the candidates whose timed curve is free."""
         began = watch.clock_ns()
-        for curve in candidates(path, lead_in=velocity is not None) if ask.smooth else ():
+        for curve in candidates(path, lead_in=velocity is not None):
             if ask.rules == "checked" and not self._may_be_free(world, found, curve):
                 began = watch.add("verify", began)
                 continue
@@ -154,15 +215,7 @@ class MotionPlanner:
             began = watch.add("verify", began)
             if free:
                 return Motion(timed, found, curve.name, _length(timed), False)
-        timed = time_polyline(path, limits, velocity)
-        began = watch.add("time", began)
-        if timed is None:
-            return NotFound("no_path", "the arm is too fast to leave its way here")
-        free = ask.rules == "paper" or self._is_free(world, found, timed)
-        watch.add("verify", began)
-        if not free:
-            return NotFound("no_path", "no curve along the way is free")
-        return Motion(timed, found, "stop at each corner", _length(timed), ask.smooth)
+        return None
 
     def _may_be_free(self, world: World, found: FoundPath, curve: Nurbs) -> bool:
         """A quick look at the curve's shape among the cells alone, before time is spent on its timing: most curves that fail, fail here."""
@@ -172,17 +225,20 @@ class MotionPlanner:
     def _accepted(self, world: World, rules: Rules, found: FoundPath, curve: Nurbs, timed: JointTrajectory) -> bool:
         """The paper accepts a smoothed path if its best matches are free; ``checked`` checks the very curve that is sent."""
         if rules == "checked":
-            return self._is_free(world, found, timed)
+            return self._blocked_at(world, found, timed) is None
         points = curve(np.linspace(0.0, 1.0, max(2, 4 * len(found.q_rad))))
         return all(world.counts.node[self.finder.best_match(q)] == 0 for q in points)
 
-    def _is_free(self, world: World, found: FoundPath, timed: JointTrajectory) -> bool:
+    def _blocked_at(self, world: World, found: FoundPath, timed: JointTrajectory) -> float | None:
+        """Time of the first point of the timed curve that must not be driven; None if it is free."""
         leaving = found.leaving
-        if self.checker.hand_meets(world.recent, timed, self._hand) is not None and leaving is None:
-            return False
-        if leaving is None:
-            return self.checker.curve(world.cells, timed)[0] == FREE
-        return self.checker.curve(leaving.rest.cells, timed)[0] == FREE and leaving.leads_out(self.checker, timed.q_rad)
+        met = self.checker.hand_meets(world.recent, timed, self._hand, safety_m=None if leaving is None else TOUCH_M)
+        if met is not None:
+            return met
+        verdict, _, at_s = self.checker.curve((world if leaving is None else leaving.rest).cells, timed)
+        if verdict != FREE:
+            return at_s
+        return None if leaving is None or leaving.leads_out(self.checker, timed.q_rad) else 0.0
 
 
 def _length(curve: JointTrajectory) -> float:

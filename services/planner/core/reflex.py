@@ -6,7 +6,6 @@ instants gets the same bytes out.
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -15,9 +14,10 @@ from numpy.typing import NDArray
 
 from common.robot.trajectory import JointTrajectory
 from services.planner.config import PlannerConfig
-from services.planner.core.check import HandReach
+from services.planner.core.asking import Asker
+from services.planner.core.check import TOUCH_M, HandReach
 from services.planner.core.find import NotFound
-from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
+from services.planner.core.motion import Motion, MotionPlanner
 from services.planner.core.replan import Action, ReplanRules, ShorterWay, View
 from services.planner.core.timing import Limits, brake
 from services.planner.core.underway import ArmState, Sent, Underway
@@ -29,7 +29,7 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 AT_GOAL_RAD = 2e-3  # the reference ends on the goal to rounding; this is a tenth of the tracking error allowed
 STOP_LEAD_S = 0.02  # a stop leaves the running motion so much later: transport and two control cycles
-BUDGET_ANSWERS, BUDGET_ROOM, BUDGET_MAX_S = 8, 1.3, 0.2  # answers that the splice budget follows, room on top, and its end; our choice
+LOOKS_OUT = 60  # poses of a way out that are looked at again; our choice
 BRANCHES_A_STEP = 2  # inverse-kinematics branches tried at a time, so that no step takes long; the next attempt goes on with others
 
 
@@ -83,7 +83,6 @@ class Reflex:
     def __init__(
         self, planner: MotionPlanner, vision: Vision, limits: Limits, hand: HandReach, config: PlannerConfig, clock_ns: Any, name: str
     ) -> None:
-        self._planner = planner
         self.checker = planner.checker
         self.vision = vision
         self._limits = limits
@@ -107,8 +106,7 @@ class Reflex:
         self._blocked_at_s: float | None = None  # time on what is under way of its first blocked point
         self._hand_at_s: float | None = None  # and of the first point at which a hand could be met
         self._n_sent = 0
-        self._next_branch = 0
-        self._recent_answers_s: deque[float] = deque(maxlen=BUDGET_ANSWERS)
+        self._asker = Asker(planner, config, clock_ns)
         self._events: list[Event] = []
         self._outbox: list[Sent] = []
 
@@ -117,7 +115,7 @@ class Reflex:
     def set_goal(self, goal: Goal) -> None:
         """A new goal replaces the old one, also in motion."""
         self.goal = goal
-        self._next_branch = 0
+        self._asker.begin()
         self._shorter.forget()
         self._rules.now_or_never()
         self.report.state, self.report.reason = "planning", ""
@@ -188,9 +186,8 @@ class Reflex:
         sent, goal = self.underway.sent, self.goal
         at_goal = goal is not None and bool(np.any(np.abs(goal.branches_rad - arm.q_reference_rad).max(axis=1) < AT_GOAL_RAD))
         blocked_in = None
-        times = [t for t in (self._blocked_at_s, self._hand_at_s) if t is not None]
-        if sent is not None and times:
-            blocked_in = min(times) - self.underway.time_s(arm, now_s)
+        if sent is not None and self._met_at_s:
+            blocked_in = min(self._met_at_s) - self.underway.time_s(arm, now_s)
         return View(
             now_s=now_s,
             has_goal=goal is not None,
@@ -203,7 +200,13 @@ class Reflex:
             stop_needs_s=self._braking_s(arm) + self._config.replan.stop_margin_s + STOP_LEAD_S,
             cells_changed=self._cells_changed,
             protective=self.vision.protective,
+            faulted=arm.mode == "fault",
         )
+
+    @property
+    def _met_at_s(self) -> list[float]:
+        """Times on what is under way at which something is in the way, or could be before the arm stands."""
+        return [t for t in (self._blocked_at_s, self._hand_at_s) if t is not None]
 
     def _braking_s(self, arm: ArmState) -> float:
         """Time in which the arm could stand, joint by joint v / a; along a path it may take a little longer."""
@@ -220,10 +223,24 @@ class Reflex:
             blocked = np.any(self.vision.counts.node[path] > 0)
             self._blocked_at_s = self._first_blocked(sent, from_s) if blocked else None
             return
+        if sent.motion is not None and sent.motion.path.leaving is not None and self._leads_out(sent, from_s):
+            self._blocked_at_s = self._hand_at_s = None
+            return
         met = self.checker.curve_meets(self.vision.appeared, sent.curve, from_s=from_s)
         times = [t for t in (met, self._still_blocked(sent, from_s)) if t is not None]
         self._blocked_at_s = min(times) if times else None
         self._hand_at_s = self.checker.hand_meets(self.vision.world.recent, sent.curve, self._hand, from_s=from_s)
+
+    def _leads_out(self, sent: Sent, from_s: float) -> bool:
+        """Whether a motion that leaves cells is as good as when it was sent, though the hand may have followed: to stop would be worse."""
+        world, curve = self.vision.world, sent.curve
+        if self.checker.hand_meets(world.recent, curve, self._hand, from_s=from_s, safety_m=TOUCH_M) is not None:
+            return False
+        leaving = world.leaving(self.checker, curve.sample(from_s)[0])
+        if leaving is None:
+            return self._first_blocked(sent, from_s) is None
+        remaining = curve.sample(np.linspace(from_s, curve.duration_s, LOOKS_OUT))[0]
+        return self.checker.curve_meets(leaving.rest.cells, curve, from_s=from_s) is None and leaving.leads_out(self.checker, remaining)
 
     def _still_blocked(self, sent: Sent, from_s: float) -> float | None:
         """A way that was blocked before may have become free again: all cells are looked at."""
@@ -241,7 +258,7 @@ class Reflex:
         if isinstance(answer, NotFound):
             self._no_way(answer)
             return
-        start_s = now_s + self._budget_s
+        start_s = now_s + self._asker.budget_s
         self._send_motion(answer, q_goal, now_s, start_s, "none", None)
 
     def _splice(self, now_s: float, arm: ArmState, rule: str) -> bool:
@@ -271,17 +288,12 @@ class Reflex:
             self._send_motion(answer, q_goal, now_s, now_s + (at_s - self._time_s(arm, now_s)), "shorter", at_s)
             self._shorter.forget()
 
-    @property
-    def _budget_s(self) -> float:
-        """How much later than now a new motion may take over: what answers took lately, with room, and never less than configured."""
-        return min(max(self._config.replan.splice_budget_s, BUDGET_ROOM * max(self._recent_answers_s, default=0.0)), BUDGET_MAX_S)
-
     def _splice_state(self, now_s: float, arm: ArmState) -> tuple[float, F64, F64] | None:
         """Time, position and velocity on the motion under way a budget from now; None when the way up to there is not free."""
         sent = self.underway.sent
         assert sent is not None
-        at_s = self._time_s(arm, now_s) + self._budget_s
-        if at_s < 0.0 or at_s >= sent.curve.duration_s or (self._blocked_at_s is not None and self._blocked_at_s <= at_s):
+        at_s = self._time_s(arm, now_s) + self._asker.budget_s
+        if at_s < 0.0 or at_s >= sent.curve.duration_s or any(t <= at_s for t in self._met_at_s):
             return None
         q, dq, _ = sent.curve.sample(at_s)
         return at_s, q, dq
@@ -290,28 +302,10 @@ class Reflex:
         return self.underway.time_s(arm, now_s)
 
     def _ask(self, q: F64, dq: F64 | None, branches: int) -> tuple[Motion | NotFound, F64]:
-        """The first of some goal branches that has an answer; the nearest one's refusal if none has.
-
-        The nearest branches come first. After an attempt without an answer the next one begins where that ended.
-        """
         assert self.goal is not None
-        watch = Stopwatch(self._clock_ns)
-        began = self._clock_ns()
-        near_first = self.goal.branches_rad[np.argsort(np.linalg.norm(self.goal.branches_rad - q, axis=1), kind="stable")]
-        near_first = np.roll(near_first, -self._next_branch, axis=0)
-        first: NotFound | None = None
-        for q_goal in near_first[:branches]:
-            ask = Ask(q, q_goal, dq, self._config.rules, self._config.search, self._config.smoothing.smooth, self.goal.speed_scale)
-            answer = self._planner.answer(self.vision.world, ask, watch)
-            if isinstance(answer, Motion):
-                break
-            first = first or answer
-        solved = isinstance(answer, Motion)
-        self._next_branch = 0 if solved else (self._next_branch + branches) % len(near_first)
-        watch.add("total", began)
-        self._recent_answers_s.append(watch.ms["total"] / 1e3)
-        self.report.timing_ms = {"update": self.report.timing_ms.get("update", 0.0), **watch.ms}
-        return (answer if isinstance(answer, Motion) or first is None else first), q_goal
+        answer, q_goal, timing_ms = self._asker.ask(self.vision.world, self.goal.branches_rad, q, dq, branches, self.goal.speed_scale)
+        self.report.timing_ms = {"update": self.report.timing_ms.get("update", 0.0), **timing_ms}
+        return answer, q_goal
 
     def _send_motion(self, motion: Motion, q_goal: F64, now_s: float, start_s: float, rule: str, splice_s: float | None) -> None:
         assert self.goal is not None
@@ -331,9 +325,8 @@ class Reflex:
         from_s = self._time_s(arm, now_s) + STOP_LEAD_S
         from_s = max(from_s, 0.0)
         within = np.inf
-        times = [t for t in (self._blocked_at_s, self._hand_at_s) if t is not None]
-        if times:
-            within = max(0.0, min(times) - from_s - self._config.replan.stop_margin_s)
+        if self._met_at_s:
+            within = max(0.0, min(self._met_at_s) - from_s - self._config.replan.stop_margin_s)
         curve: JointTrajectory = brake(sent.curve, from_s, self._limits, within)
         reason = why or self.report.reason or "the way ahead is blocked"
         start_s = now_s + (from_s - self._time_s(arm, now_s))
@@ -390,6 +383,8 @@ class Reflex:
             report.state, report.reason = "idle", ""
         elif view.protective:
             report.state, report.reason = "blocked", view.protective
+        elif view.faulted:
+            report.state, report.reason = "blocked", f"robot: {self._arm.reason if self._arm is not None else 'fault'}"
         elif sent is not None and sent.kind == "motion":
             report.state = "executing"
         elif self.underway.refused_reason:

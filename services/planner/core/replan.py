@@ -44,6 +44,7 @@ class View:
         stop_needs_s: time needed to stand before a blocked point, margin included.
         cells_changed: this step brought a change of cells.
         protective: why the arm must stand whatever the map says; empty if nothing.
+        faulted: the robot is in fault and takes nothing until somebody resumes it.
     """
 
     now_s: float
@@ -57,6 +58,7 @@ class View:
     stop_needs_s: float
     cells_changed: bool
     protective: str
+    faulted: bool = False
 
 
 class ReplanRules:
@@ -68,6 +70,8 @@ class ReplanRules:
 
     def decide(self, view: View) -> Action:
         """The action for this step."""
+        if view.faulted:
+            return Action.NOTHING
         if view.moving and not view.stopping and (view.protective or not view.has_goal):
             return Action.STOP
         if not view.has_goal or view.protective:

@@ -57,6 +57,18 @@ class Roadmap:
             model=model,
         )
 
+    def edge_between(self, a: int, b: int) -> int:
+        """Index of the edge between two neurons.
+
+        Raises:
+            KeyError: there is none.
+        """
+        row = slice(self.adj_offset[a], self.adj_offset[a + 1])
+        found = np.flatnonzero(self.adj_node[row] == b)
+        if len(found) == 0:
+            raise KeyError(f"no edge between neurons {a} and {b}")
+        return int(self.adj_edge[row][found[0]])
+
     @property
     def n_neurons(self) -> int:
         """Number of neurons."""

@@ -7,6 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from common.robot.braking import brake_along
+from common.robot.curves import cut
+from common.robot.rates import largest_rates
 from common.robot.trajectory import JointTrajectory
 from services.planner.core.smoothing import Nurbs
 from services.planner.kernels.timing import fastest_profile
@@ -17,11 +20,11 @@ F64 = NDArray[np.float64]
 GRID_STEP_RAD = (
     0.04  # joint way between grid points, which become the knots; our choice: the arm moves about as far as between two checked poses
 )
-GENTLE_STOP_S, LONGEST_STOP_S = 0.2, 10.0  # a stop takes at least so long where there is room; our choice
+GENTLE, HARD = 0.5, 0.98  # shares of the acceleration limits that stops use, with room and without; the rest of 2 % is for rounding
+FARTHER = 2.5  # how much farther along the way a gentle stop may end than a hard one; our choice
 ROUNDING = 1e-6  # a motion at its limit is not over it
 GRID_POINTS_MIN, GRID_POINTS_MAX = 24, 400
 KNOT_LEAST_S = 1e-4  # knots nearer than that are one
-KNOT_S = 0.02  # knots of a stop; our choice: a Hermite piece of 20 ms follows the braked motion to 1e-4 rad
 TIGHTEN = (1.0, 0.92, 0.84, 0.7, 0.5)  # of the acceleration limits, until the Hermite curve between the knots keeps them too
 
 
@@ -66,52 +69,63 @@ def time_curve(curve: Nurbs, limits: Limits, velocity_start: F64 | None = None) 
 
 
 def limit_ratio(trajectory: JointTrajectory, limits: Limits) -> float:
-    """Largest velocity or acceleration of the Hermite curve as a share of its limit; at most 1 means: limits kept.
-
-    Exact: on a piece acceleration is linear and velocity quadratic in time, so extremes lie at ends or where acceleration is zero.
-    """
-    t, q, dq = trajectory.t_s, trajectory.q_rad, trajectory.dq_rad_s
-    if len(t) == 1:
-        return 0.0
-    h = np.diff(t)[:, None]
-    d, v0, v1 = np.diff(q, axis=0) / h, dq[:-1], dq[1:]
-    a0 = (6.0 * d - 4.0 * v0 - 2.0 * v1) / h
-    a1 = (-6.0 * d + 2.0 * v0 + 4.0 * v1) / h
-    peak = np.maximum(np.abs(v0), np.abs(v1))
-    with np.errstate(divide="ignore", invalid="ignore"):
-        u = a0 / (a0 - a1)
-        inside = v0 + h * (a0 * u + 0.5 * (a1 - a0) * u**2)
-    peak = np.where((u > 0.0) & (u < 1.0), np.maximum(peak, np.abs(inside)), peak)
-    acceleration = np.maximum(np.abs(a0), np.abs(a1))
-    return float(max((peak / limits.velocity).max(), (acceleration / limits.acceleration).max()))
+    """Largest velocity or acceleration of the Hermite curve as a share of its limit; at most 1 means: limits kept. Exact."""
+    speed, acceleration = largest_rates(trajectory)
+    return float(max((speed / limits.velocity).max(), (acceleration / limits.acceleration).max()))
 
 
-def time_polyline(path_rad: F64, limits: Limits, velocity_start: F64 | None = None) -> JointTrajectory | None:
+def time_polyline(path_rad: F64, limits: Limits, velocity_start: F64 | None = None) -> tuple[JointTrajectory, F64] | None:
     """A motion along the straight segments of ``path_rad`` (P, J) with a stop at each corner; the last resort of smoothing.
 
-    The segments were checked as edges and connections, so this motion leaves nothing unchecked.
+    Returns:
+        The motion and (P,) the times of its corners; None if it cannot be entered at ``velocity_start`` (J,).
     """
     t, q, dq = [np.zeros(1)], [path_rad[:1]], [np.zeros((1, path_rad.shape[1]))]
+    corner_s = np.zeros(len(path_rad))
     if velocity_start is not None:
         dq[0][0] = velocity_start
-    for k in range(len(path_rad) - 1):
-        if np.linalg.norm(path_rad[k + 1] - path_rad[k]) < 1e-9:
-            continue
-        line = Nurbs.of(path_rad[k : k + 2], 1, 1.0, "straight")
-        part = time_curve(line, limits, velocity_start if k == 0 else None)
-        if part is None:
-            return None
-        t.append(t[-1][-1] + part.t_s[1:])
-        q.append(part.q_rad[1:])
-        dq.append(part.dq_rad_s[1:])
-    return JointTrajectory(np.concatenate(t), np.concatenate(q), np.concatenate(dq))
+    for k, way in enumerate(np.diff(path_rad, axis=0)):
+        if np.linalg.norm(way) >= 1e-9:
+            enters = velocity_start is not None and k == 0
+            speed = float(velocity_start @ way) / float(way @ way) if enters else 0.0
+            knots = _along_line(way, limits, speed)
+            if knots is None:
+                return None
+            part_t, s, ds = knots
+            t.append(t[-1][-1] + part_t[1:])
+            q.append(path_rad[k] + s[1:, None] * way)
+            dq.append(ds[1:, None] * way)
+        corner_s[k + 1] = t[-1][-1]
+    return JointTrajectory(np.concatenate(t), np.concatenate(q), np.concatenate(dq)), corner_s
+
+
+def _along_line(way: F64, limits: Limits, speed: float) -> tuple[F64, F64, F64] | None:
+    """Knots (time, share s of the way, ds/dt) of the fastest motion along a straight ``way`` (J,) to rest at its end.
+
+    Accelerate, cruise, brake, each at one acceleration: pieces that the Hermite interpolant renders exactly. None: ``speed`` (ds/dt at
+    the start) is too fast to stop within the way.
+    """
+    reach = np.maximum(np.abs(way), 1e-12)
+    fastest, hardest = float(np.min(limits.velocity / reach)), float(np.min(limits.acceleration / reach))
+    if speed * speed > 2.0 * hardest:
+        return None
+    peak = min(fastest, float(np.sqrt(hardest + 0.5 * speed * speed)))
+    rise_s, brake_s = abs(peak - speed) / hardest, peak / hardest
+    risen, braked = 0.5 * (speed + peak) * rise_s, 0.5 * peak * brake_s
+    if speed > peak and risen + braked > 1.0:  # faster than its cruise and no room for that: brake at once
+        peak, rise_s, brake_s, risen, braked = speed, 0.0, 2.0 / speed, 0.0, 1.0
+    cruise_s = max(0.0, 1.0 - risen - braked) / peak
+    times = np.cumsum([0.0, rise_s, cruise_s, brake_s])
+    keep = np.concatenate([[True], np.diff(times) > KNOT_LEAST_S])
+    keep[-1] = True
+    shares, speeds = np.array([0.0, risen, 1.0 - braked, 1.0]), np.array([speed, peak, peak, 0.0])
+    return times[keep], shares[keep], speeds[keep]
 
 
 def brake(running: JointTrajectory, from_s: float, limits: Limits, within_s: float) -> JointTrajectory:
     """A stop along the running motion: leaves it at ``from_s`` with its velocity and comes to rest on its path.
 
-    The path parameter is the running motion's own time, slowed linearly from 1 to 0 over a braking time T: it advances by T / 2. T is the
-    longest that ends within ``within_s`` of the running motion's time, but never shorter than the limits allow.
+    Gentle where that ends within ``within_s`` of the running motion's time and goes little farther, else as hard as the limits allow.
 
     Args:
         running: the motion under way.
@@ -119,32 +133,7 @@ def brake(running: JointTrajectory, from_s: float, limits: Limits, within_s: flo
         limits: joint limits that hold while braking.
         within_s: time of the running motion left before the arm must stand.
     """
-    shortest = _within_limits(running, from_s, limits, 2.0 * KNOT_S)
-    room = 2.0 * min(within_s, running.duration_s - from_s)
-    wanted = min(room, max(2.0 * shortest, GENTLE_STOP_S))
-    return _brake_over(running, from_s, _within_limits(running, from_s, limits, max(wanted, shortest)))
-
-
-def _brake_over(running: JointTrajectory, from_s: float, brake_s: float) -> JointTrajectory:
-    """The brake of :func:`brake` over ``brake_s``.
-
-    It has a knot wherever the running motion has one, since acceleration jumps there and a Hermite piece across a jump overshoots.
-    """
-    passed = running.t_s[(running.t_s > from_s) & (running.t_s < from_s + brake_s / 2.0)] - from_s
-    at_knots = brake_s * (1.0 - np.sqrt(1.0 - 2.0 * passed / brake_s))
-    even = np.linspace(0.0, brake_s, max(3, int(np.ceil(brake_s / KNOT_S)) + 1))
-    t = np.union1d(even, at_knots)
-    t = t[np.concatenate([[True], np.diff(t) > KNOT_LEAST_S])]
-    t[-1] = brake_s
-    q, dq, _ = running.sample(from_s + t - t**2 / (2.0 * brake_s))
-    dq = dq * (1.0 - t / brake_s)[:, None]
-    dq[-1] = 0.0
-    return JointTrajectory(t, q, dq)
-
-
-def _within_limits(running: JointTrajectory, from_s: float, limits: Limits, least_s: float) -> float:
-    """Shortest braking time in s, ``least_s`` or more, that keeps the limits; found by trying times a tenth apart."""
-    brake_s = least_s
-    while brake_s < LONGEST_STOP_S and limit_ratio(_brake_over(running, from_s, brake_s), limits) > 1.0:
-        brake_s *= 1.1
-    return brake_s
+    remaining = cut(running, from_s, max(from_s, running.duration_s))
+    hard = brake_along(remaining, HARD * limits.acceleration)
+    gentle = brake_along(remaining, GENTLE * limits.acceleration)
+    return (gentle if gentle.path_time_s[-1] <= min(within_s, FARTHER * hard.path_time_s[-1]) else hard).curve

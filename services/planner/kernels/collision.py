@@ -19,8 +19,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from common.robot.body_distance import pair_distance, to_world
-from common.robot.kernels import TENTH_MM, BodyGrids, Chain, body_grid, forward_kinematics, look_up, to_joint_frame
+from common.robot.body_distance import cover_distance, pair_distance, to_world
+from common.robot.kernels import FAR, TENTH_MM, BodyGrids, Chain, body_grid, forward_kinematics, look_up, to_joint_frame
 
 __all__ = [
     "BLOCK",
@@ -132,10 +132,14 @@ def cell_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # t
 
 @njit(cache=True, nogil=True)
 def pose_hits_cell(arm, cells, safety_m, rotation, translation):  # type: ignore[no-untyped-def]
-    """Index of a cell that blocks the pose with frames ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3), or -1."""
+    """Index of a cell that blocks the pose with frames ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3), or -1.
+
+    Where ``safety_m`` is more than the distance grids can tell, the spheres that cover the bodies answer.
+    """
     grids = arm.grids
     distance, centre, block, half_m = grids.distance, cells.centre_m, cells.block_m, cells.half_m
     reach = safety_m + half_m * ROOT3
+    beyond_grids = reach > FAR
     for b in range(len(arm.moving)):
         if not arm.moving[b]:
             continue
@@ -154,7 +158,10 @@ def pose_hits_cell(arm, cells, safety_m, rotation, translation):  # type: ignore
                 if dx * dx + dy * dy + dz * dz > near2:
                     continue
                 x, y, z = to_joint_frame(turn, shift, x, y, z)
-                if cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m):
+                if beyond_grids:
+                    if cover_distance(grids, b, x, y, z, reach + TENTH_MM) <= reach:
+                        return i
+                elif cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m):
                     return i
     return -1
 

@@ -18,10 +18,11 @@ Vector3 = Annotated[list[float], Meta(min_length=3, max_length=3)]
 
 
 class RegionConfig(Strict, frozen=True):
-    """Where the tool reaches: a box of tool positions in the world; the tool points down, turned anyhow, tilted a little."""
+    """Where the tool reaches: a box of tool positions in the world; the tool points down, turned about the vertical, tilted a little."""
 
     min_m: Vector3
     max_m: Vector3
+    turn_max_rad: Annotated[float, Meta(ge=0, le=3.1416)] = 3.1416  # either way; half of it serves a gripper that is the same half turned
     tilt_max_rad: Annotated[float, Meta(ge=0, le=1.5)] = 0.3  # our choice: a gripper leans to get past a bin's wall
 
     def __post_init__(self) -> None:

@@ -28,6 +28,7 @@ U64 = NDArray[np.uint64]
 
 ATTEMPTS = 40  # draws of a motion until one is possible; measured: 1.3 on average
 MAX_ITERATIONS = 600  # of RRTConnect; measured: 99 % of what 5000 solve, in a tenth of the time that failures cost
+SHORTCUTS = 10  # a motion; measured: share of questions solved 0.91 with 60, 0.93 with 10: what is not yet taut covers more ways round
 POSE_ATTEMPTS = 50  # draws of a tool pose until one can be reached
 BOX_ATTEMPTS = 20  # draws of a box until one leaves start and goal free
 ACROSS = 0.7  # our choice: share of motions from one region to the other; the rest stay in one or pass home
@@ -41,7 +42,7 @@ class MotionMaker:
     def __init__(self, scene: Scene, config: MotionsConfig) -> None:
         self.scene = scene
         self.config = config
-        self._planner: RrtConnect = scene.planner(RrtParameters(max_iterations=MAX_ITERATIONS))
+        self._planner: RrtConnect = scene.planner(RrtParameters(max_iterations=MAX_ITERATIONS, shortcuts=SHORTCUTS))
         self._inverse = InverseKinematics(scene.robot)
         self._empty = scene.world(self._planner, np.empty(0, dtype=np.int32))
 

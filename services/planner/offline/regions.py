@@ -16,10 +16,10 @@ I32 = NDArray[np.int32]
 
 
 def tool_pose_in(region: RegionConfig, rng: np.random.Generator) -> F64:
-    """A random ``T_world_tool`` (4, 4): position in the region's box, tool down, any turn about the vertical, leaning a little."""
+    """A random ``T_world_tool`` (4, 4): position in the region's box, tool down, turned about the vertical, leaning a little."""
     T = np.eye(4)
     T[:3, 3] = rng.uniform(region.min_m, region.max_m)
-    turn, lean_towards = rng.uniform(-np.pi, np.pi, size=2)
+    turn, lean_towards = rng.uniform(-region.turn_max_rad, region.turn_max_rad), rng.uniform(-np.pi, np.pi)
     lean = rng.uniform(0.0, region.tilt_max_rad) * np.array([np.cos(lean_towards), np.sin(lean_towards), 0.0])
     down = Rotation.from_euler("x", np.pi)
     T[:3, :3] = (Rotation.from_rotvec(lean) * Rotation.from_euler("z", turn) * down).as_matrix()

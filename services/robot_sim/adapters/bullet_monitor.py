@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from services.robot_sim.adapters.bullet import Nearest, World
 from services.robot_sim.config import RobotSimConfig
-from services.robot_sim.core.contacts import ContactLog
+from services.robot_sim.core.contacts import Contact, ContactLog
 
 __all__ = ["Monitor", "Snapshot"]
 
@@ -50,14 +50,15 @@ class Monitor:
         self.min_obstacle_m: float | None = None
         self._next_look_ns = 0
 
-    def after_cycle(self, now_ns: int, q_rad: F64, q_reference_rad: F64, dq_reference_rad_s: F64) -> None:
-        """Take notice of a control cycle: (J,) measured place, commanded place and velocity at ``now_ns``."""
+    def after_cycle(self, now_ns: int, q_rad: F64, q_reference_rad: F64, dq_reference_rad_s: F64) -> list[Contact]:
+        """Take notice of a control cycle: (J,) measured place, commanded place and velocity at ``now_ns``. Returns contacts that begin."""
         self.tracking_error_max_rad = max(self.tracking_error_max_rad, float(np.abs(q_rad - q_reference_rad).max()))
-        self.contacts.observe(now_ns, self._world.touches(q_rad, dq_reference_rad_s))
+        begun = self.contacts.observe(now_ns, self._world.touches(q_rad, dq_reference_rad_s))
         if now_ns >= self._next_look_ns:
             self._next_look_ns = now_ns + self._look_period_ns
             reach = self._config.clearance_reach_m
             self._remember(Snapshot(self._world.nearest_obstacle(reach), self._world.nearest_static(reach), None))
+        return begun
 
     def look(self) -> Snapshot:
         """The distances now, whatever they are."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-__all__ = ["ContactLog", "Touch"]
+__all__ = ["Contact", "ContactLog", "Touch"]
 
 
 @dataclass(frozen=True)
@@ -25,6 +25,14 @@ class Touch:
     approach_m_s: float
 
 
+@dataclass(frozen=True)
+class Contact:
+    """An event at its first touch; of several parts the one that moved fastest towards the other."""
+
+    touch: Touch
+    is_caused: bool
+
+
 class ContactLog:
     """Counts events since the last reset. One event: the arm touches one thing, whichever part does, with gaps below ``gap_s``."""
 
@@ -40,8 +48,9 @@ class ContactLog:
         self.pairs: dict[tuple[str, str], None] = {}
         self._last_ns: dict[str, int] = {}
 
-    def observe(self, now_ns: int, touches: Iterable[Touch]) -> None:
-        """All touches of one instant; instants must not go back."""
+    def observe(self, now_ns: int, touches: Iterable[Touch]) -> list[Contact]:
+        """All touches of one instant; instants must not go back. Returns the events that begin here."""
+        begun = []
         by_other: dict[str, list[Touch]] = {}
         for touch in touches:
             self.pairs[touch.part, touch.other] = None
@@ -51,7 +60,9 @@ class ContactLog:
             self._last_ns[other] = now_ns
             if last_ns is not None and now_ns - last_ns < self._gap_ns:
                 continue
-            if any(not t.blameless or t.approach_m_s > self._caused_speed_m_s for t in here):
-                self.caused += 1
-            else:
-                self.suffered += 1
+            fastest = max(here, key=lambda t: (not t.blameless, t.approach_m_s))
+            is_caused = not fastest.blameless or fastest.approach_m_s > self._caused_speed_m_s
+            self.caused += is_caused
+            self.suffered += not is_caused
+            begun.append(Contact(fastest, is_caused))
+        return begun

@@ -14,9 +14,9 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from common.robot.braking import brake_along
 from services.robot_sim.config import ExecutorConfig
 from services.robot_sim.core.admission import Motion, admit
-from services.robot_sim.core.braking import brake_along
 from services.robot_sim.core.limits import Limits
 from services.robot_sim.core.timeline import NS, Segment, Timeline
 

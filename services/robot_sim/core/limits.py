@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from common.robot.rates import largest_rates
 from common.robot.trajectory import JointTrajectory
 
 __all__ = ["Limits", "violation"]
@@ -35,8 +36,7 @@ def violation(curve: JointTrajectory, limits: Limits, tolerance: float) -> str |
     """
     with np.errstate(all="ignore"):  # absurd numbers overflow to inf or nan, which fail the comparisons below
         low, high = _position_range(curve)
-        speed = _largest_speed(curve)
-        acceleration = _largest_acceleration(curve)
+    speed, acceleration = largest_rates(curve)
     checks = (
         ("position", low, low >= limits.position_min_rad - POSITION_TOLERANCE_RAD, limits.position_min_rad),
         ("position", high, high <= limits.position_max_rad + POSITION_TOLERANCE_RAD, limits.position_max_rad),
@@ -50,16 +50,12 @@ def violation(curve: JointTrajectory, limits: Limits, tolerance: float) -> str |
     return None
 
 
-def _pieces(curve: JointTrajectory) -> tuple[F64, F64, F64, F64, F64]:
-    """Per piece: h (K-1, 1) and the coefficients of q0 + c1 u + c2 u^2 + c3 u^3, each (K-1, J), u in 0..1."""
+def _position_range(curve: JointTrajectory) -> tuple[F64, F64]:
+    """Per piece the positions are q0 + c1 u + c2 u^2 + c3 u^3 with u in 0..1."""
     h = np.diff(curve.t_s)[:, None]
     q0, d = curve.q_rad[:-1], np.diff(curve.q_rad, axis=0)
     v0, v1 = curve.dq_rad_s[:-1] * h, curve.dq_rad_s[1:] * h
-    return h, q0, v0, 3.0 * d - 2.0 * v0 - v1, v0 + v1 - 2.0 * d
-
-
-def _position_range(curve: JointTrajectory) -> tuple[F64, F64]:
-    _, q0, c1, c2, c3 = _pieces(curve)
+    c1, c2, c3 = v0, 3.0 * d - 2.0 * v0 - v1, v0 + v1 - 2.0 * d
     values = [curve.q_rad]
     root = np.sqrt(np.maximum(c2 * c2 - 3.0 * c1 * c3, 0.0))
     # Both roots of 3 c3 u^2 + 2 c2 u + c1 in the form that does not cancel (Numerical Recipes 5.6).
@@ -69,17 +65,3 @@ def _position_range(curve: JointTrajectory) -> tuple[F64, F64]:
         values.append(q0 + inside * (c1 + inside * (c2 + inside * c3)))
     stacked = np.concatenate(values)
     return stacked.min(axis=0), stacked.max(axis=0)
-
-
-def _largest_speed(curve: JointTrajectory) -> F64:
-    h, _, c1, c2, c3 = _pieces(curve)
-    u = np.clip(np.nan_to_num(-c2 / (3.0 * c3), nan=0.0), 0.0, 1.0)
-    between = (c1 + u * (2.0 * c2 + 3.0 * u * c3)) / h
-    return np.asarray(np.abs(np.concatenate([curve.dq_rad_s, between])).max(axis=0))
-
-
-def _largest_acceleration(curve: JointTrajectory) -> F64:
-    h, _, _, c2, c3 = _pieces(curve)
-    first, last = 2.0 * c2 / h**2, (2.0 * c2 + 6.0 * c3) / h**2  # linear in between
-    at_rest = np.zeros((1, curve.q_rad.shape[1]))
-    return np.asarray(np.abs(np.concatenate([at_rest, first, last])).max(axis=0))

@@ -11,8 +11,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from common.robot.curves import cut, join
 from common.robot.trajectory import JointTrajectory
-from services.robot_sim.core.curves import cut, join
 
 __all__ = ["Segment", "Timeline"]
 

@@ -66,6 +66,32 @@ def test_no_cell_that_is_truly_too_near_is_missed_and_few_others_block(bench, sa
     assert surely_hit > 20 and surely_free > 20
 
 
+@pytest.mark.parametrize("safety_m", [0.06, 0.12])
+def test_room_beyond_the_distance_grids_is_measured_too(bench, safety_m):
+    """A hand needs more room than the grids reach; what is nearer blocks, what is clearly farther does not."""
+    rng = np.random.default_rng(4)
+    meshes = [(coal_mesh(body), body.joint) for body in bench.robot.bodies if not body.immobile]
+    half = bench.grid.resolution_m / 2
+    cube = coal.Box(2 * half, 2 * half, 2 * half)
+    slack = half * (np.sqrt(3) - 1) + half + 0.0085  # the cell's ball instead of its cube, and the spheres' overshoot
+    blocked = free = 0
+    for q in bench.free_rad[:6]:
+        frames = [_transform(T) for T in bench.robot.joint_poses(q[None])[0]]
+        for centre in bench.grid.centres(rng.choice(bench.grid.n_cells, 60).astype(np.int32)):
+            placed = coal.Transform3s(np.eye(3), centre)
+            true = min(
+                coal.distance(mesh, frames[joint], cube, placed, coal.DistanceRequest(), coal.DistanceResult()) for mesh, joint in meshes
+            )
+            met = bench.checker.poses_meet(cells_of(bench.grid, bench.grid.cells_of(centre[None])), q[None], room_m=safety_m - 0.02)
+            if true <= safety_m:
+                assert met == 0, (q, centre, true)
+                blocked += 1
+            elif true > safety_m + slack:
+                assert met is None, (q, centre, true)
+                free += 1
+    assert blocked > 5 and free > 50
+
+
 def _inside(bench, body, q, centre):
     from common.robot.kernels import body_distance
 

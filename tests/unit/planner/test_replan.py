@@ -33,6 +33,8 @@ def decide(rules=None, **change):
         ({"moving": True, "blocked_in_s": 0.1, "cells_changed": True}, Action.DODGE),
         ({"moving": True, "to_other_goal": True}, Action.DODGE),
         ({"moving": True, "seeing": False, "blocked_in_s": 0.1}, Action.NOTHING),
+        ({"faulted": True}, Action.NOTHING),
+        ({"faulted": True, "moving": True, "has_goal": False}, Action.NOTHING),
     ],
 )
 def test_first_decision(change, action):

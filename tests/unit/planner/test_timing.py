@@ -86,9 +86,28 @@ def test_leaving_with_a_velocity():
     assert time_curve(too_short, LIMITS, velocity) is None
 
 
+@pytest.mark.parametrize("seed", range(10))
+def test_a_straight_way_is_timed_as_the_general_timing_does_it(seed):
+    rng = np.random.default_rng(seed)
+    way, share = rng.normal(scale=0.5, size=6), rng.uniform(0, 0.9)
+    line = Nurbs.of(np.stack([np.zeros(6), way]), 1, 1.0, "line")
+    fastest = np.sqrt(2 * np.min(LIMITS.acceleration / np.abs(way)))  # from which it can just stop within the way
+    velocity = way * min(share * fastest, np.min(LIMITS.velocity / np.abs(way))) if seed % 2 else None
+    timed, corner_s = time_polyline(np.stack([np.zeros(6), way]), LIMITS, velocity)
+    assert limit_ratio(timed, LIMITS) <= 1.0 + 1e-6
+    assert timed.duration_s == corner_s[-1] <= time_curve(line, LIMITS, velocity).duration_s * (1 + 1e-6)
+    assert timed.dq_rad_s[0] == pytest.approx(np.zeros(6) if velocity is None else velocity)
+
+
+def test_a_way_too_short_to_stop_in_is_not_entered():
+    way = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+    assert time_polyline(np.stack([np.zeros(6), way]), LIMITS, way / 0.05) is None
+
+
 def test_a_polyline_stops_at_each_corner():
     path = _path(3, 5)
-    timed = time_polyline(path, LIMITS)
+    timed, corner_s = time_polyline(path, LIMITS)
+    assert timed.sample(corner_s)[0] == pytest.approx(path)
     assert limit_ratio(timed, LIMITS) <= 1.0 + 1e-5
     for corner in path:
         k = int(np.argmin(np.linalg.norm(timed.q_rad - corner, axis=1)))

@@ -11,8 +11,9 @@ def touch(approach_m_s: float, part: str = "forearm", other: str = "hand", blame
 
 def test_first_touch_decides_who_caused_it() -> None:
     log = ContactLog(0.5, 0.01)
-    log.observe(0, [touch(0.009)])
-    log.observe(8 * MS, [touch(1.0)])  # the arm pushes later: the event is what it was
+    (begun,) = log.observe(0, [touch(0.009), touch(0.001, part="wrist")])
+    assert begun.touch.part == "forearm" and not begun.is_caused
+    assert not log.observe(8 * MS, [touch(1.0)])  # the arm pushes later: the event is what it was
     assert (log.caused, log.suffered) == (0, 1)
     log.observe(0, [touch(0.011, other="box")])
     assert (log.caused, log.suffered) == (1, 1)

@@ -3,11 +3,13 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from common.robot import braking
+from common.robot.braking import brake_along
+from common.robot.curves import cut, join
 from common.robot.trajectory import JointTrajectory
-from services.robot_sim.core.braking import brake_along
-from services.robot_sim.core.curves import cut, join
 from services.robot_sim.core.limits import violation
 from tests.support.robot_sim_curves import LIMITS, straight, swing
+from tests.support.slow_braking import slow_slow_down
 
 
 def a_path(seed: int) -> JointTrajectory:
@@ -35,6 +37,18 @@ def test_stays_on_the_path_keeps_the_limits_and_ends_at_rest(seed: int, share: f
         assert np.abs(on_path - q).max(axis=1).min() < 1e-3  # the comb's own spacing
     assert np.allclose(brake.curve.q_rad, path.sample(brake.path_time_s)[0])
     assert np.all(np.diff(brake.path_time_s) >= 0.0) and brake.path_time_s[-1] <= path.duration_s
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_the_kernel_equals_its_slow_twin(seed: int) -> None:
+    path = cut(a_path(seed), 0.3, 1.0)
+    grid = braking._grid(path, 0.0, path.duration_s)
+    slopes, curvatures = braking._coefficients(path, grid)
+    times, path_times, squares = np.empty(len(grid)), np.empty(len(grid)), np.empty(len(grid))
+    n = braking._slow_down(grid, slopes, curvatures, LIMITS.max_acceleration_rad_s2, 0.0, 1.0, times, path_times, squares)
+    slow_times, slow_squares = slow_slow_down(grid, slopes, curvatures, LIMITS.max_acceleration_rad_s2)
+    assert path_times[:n] == pytest.approx(slow_times) and squares[:n] == pytest.approx(slow_squares)
+    assert np.all(np.diff(times[:n]) > 0.0)
 
 
 def test_a_cruising_straight_line_stops_in_v_over_a() -> None:

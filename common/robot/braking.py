@@ -2,14 +2,16 @@
 
 With path time s and x = (ds/dt)^2 the joint acceleration is q''(s) x + q'(s) s_dotdot (Bobrow, Dubowsky and Gibson 1985). At x <= 1 the
 choice s_dotdot = 0 keeps any limit that the curve itself keeps, so the greedy choice, the most negative s_dotdot that is allowed here,
-never runs into a trap. The arm never leaves the path that was checked.
+never runs into a trap. The arm never leaves the path that was checked. One function for the planner's stops and for the executor's.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
+from numba import njit
 from numpy.typing import NDArray
 
 from common.robot.trajectory import JointTrajectory
@@ -43,24 +45,44 @@ def brake_along(path: JointTrajectory, max_acceleration_rad_s2: F64) -> Brake:
         path: what would be driven from now on; it keeps the limits and ends at rest.
         max_acceleration_rad_s2: (J,).
     """
-    times, path_times, speeds = [0.0], [0.0], [1.0]
-    from_s, x = 0.0, 1.0
+    parts: list[tuple[F64, F64, F64]] = []
+    from_s, time_s, x = 0.0, 0.0, 1.0
     while x > 0.0 and from_s < path.duration_s:
         to_s = min(from_s + WINDOW_S, path.duration_s)
         grid = _grid(path, from_s, to_s)
         slopes, curvatures = _coefficients(path, grid)
-        for i, ds in enumerate(np.diff(grid)):
-            deceleration = _hardest(slopes[i], curvatures[i] * x, max_acceleration_rad_s2)
-            x_next = max(x - 2.0 * deceleration * ds, 0.0)
-            gone = float(ds) if x_next > 0.0 else x / (2.0 * deceleration)
-            times.append(times[-1] + 2.0 * gone / (np.sqrt(x) + np.sqrt(x_next)))
-            path_times.append(float(grid[i]) + gone)
-            speeds.append(float(np.sqrt(x_next)))
-            x = x_next
-            if x == 0.0:
-                break
-        from_s = to_s
-    return _as_curve(path, np.array(times), np.array(path_times), np.array(speeds))
+        times, path_times, squares = np.empty(len(grid)), np.empty(len(grid)), np.empty(len(grid))
+        n = _slow_down(grid, slopes, curvatures, max_acceleration_rad_s2, time_s, x, times, path_times, squares)
+        first = 1 if parts else 0
+        parts.append((times[first:n], path_times[first:n], squares[first:n]))
+        from_s, time_s, x = to_s, times[n - 1], squares[n - 1]
+    if not parts:
+        return _as_curve(path, np.zeros(1), np.zeros(1), np.ones(1))
+    times, path_times, squares = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return _as_curve(path, times, path_times, np.sqrt(squares))
+
+
+@njit(cache=True, nogil=True)
+def _slow_down(grid, slopes, curvatures, max_acceleration, time_s, x, times, path_times, squares):  # type: ignore[no-untyped-def]
+    """Walk along ``grid`` (N,) from ``time_s`` and x on, as hard as allowed; fills time, path time and x at each knot, returns how many."""
+    n_joints = len(max_acceleration)
+    times[0], path_times[0], squares[0] = time_s, grid[0], x
+    for i in range(len(grid) - 1):
+        ds, hardest = grid[i + 1] - grid[i], np.inf
+        for j in range(2 * n_joints):  # no joint exceeds its limit at either end of the cell
+            slope = slopes[i, j]
+            bend = curvatures[i, j] * x
+            room = max_acceleration[j % n_joints] + (bend if slope > 0.0 else -bend if slope < 0.0 else 0.0)
+            hardest = min(hardest, room / max(abs(slope), LEAST_SLOPE_RAD_S))
+        hardest = max(hardest, 0.0)
+        x_next = max(x - 2.0 * hardest * ds, 0.0)
+        gone = ds if x_next > 0.0 else x / (2.0 * hardest)
+        times[i + 1] = times[i] + 2.0 * gone / (math.sqrt(x) + math.sqrt(x_next))
+        path_times[i + 1], squares[i + 1] = grid[i] + gone, x_next
+        x = x_next
+        if x == 0.0:
+            return i + 2
+    return len(grid)
 
 
 def _grid(path: JointTrajectory, from_s: float, to_s: float) -> F64:
@@ -84,13 +106,6 @@ def _coefficients(path: JointTrajectory, grid: F64) -> tuple[F64, F64]:
     last = 1.5 * q_middle_2 - 0.5 * q_middle_1
     slope_last = slope[1:] + 2.0 * ds * last  # x at the cell's end is x + 2 s_dotdot ds
     return np.hstack([slope[:-1], slope_last]), np.hstack([first, last])
-
-
-def _hardest(slope: F64, bend_rad_s2: F64, max_acceleration_rad_s2: F64) -> float:
-    """Largest path deceleration for which no joint exceeds its limit at either end of the cell; never negative."""
-    steepness = np.maximum(np.abs(slope), LEAST_SLOPE_RAD_S)
-    room = np.tile(max_acceleration_rad_s2, 2) + np.sign(slope) * bend_rad_s2
-    return max(float((room / steepness).min()), 0.0)
 
 
 def _as_curve(path: JointTrajectory, times: F64, path_times: F64, speeds: F64) -> Brake:
