@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.cell import SolidConfig
+from common.geometry.grid import Grid
 from common.geometry.transforms import rpy_matrix
 from common.robot.model import RobotModel
 from common.robot.pairs import coal_mesh
@@ -19,6 +20,8 @@ from common.robot.pairs import coal_mesh
 __all__ = ["STEP_RAD", "Referee", "at_steps"]
 
 F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+Thing = tuple[coal.CollisionGeometry, coal.Transform3s]
 STEP_RAD = 1.0 / 256.0  # issue
 
 
@@ -42,14 +45,26 @@ class Referee:
 
     def collides(self, q_rad: F64, boxes_m: F64) -> bool:
         """Whether any of the poses (K, J) touches a box of ``boxes_m`` (n, 2, 3: lowest, highest corner), the static layer or itself."""
-        things = [*self._static, *(_box(low, high) for low, high in boxes_m)]
+        return self._any_touches(q_rad, [_box(low, high) for low, high in boxes_m])
+
+    def path_collides(self, path_rad: F64, grid: Grid, cells: I32, boxes_m: F64 | None = None) -> bool:
+        """Whether the polyline ``path_rad`` (P, J), looked at every ``STEP_RAD``, touches one of the flat ``cells`` (C,) of ``grid``, a
+        box of ``boxes_m`` (n, 2, 3), the static layer or itself.
+        """
+        things = [_box(low, high) for low, high in boxes_m] if boxes_m is not None else []
+        if len(cells):
+            things.append(_cells(grid, cells))
+        return self._any_touches(at_steps(path_rad), things)
+
+    def _any_touches(self, q_rad: F64, movable: list[Thing]) -> bool:
+        things = [*self._static, *movable]
         for frames in self._robot.joint_poses(q_rad):
             poses = [_transform(frame) for frame in frames]
             if self._touches_things(poses, things) or self._touches_itself(poses):
                 return True
         return False
 
-    def _touches_things(self, poses: list[coal.Transform3s], things: list[tuple[coal.CollisionGeometry, coal.Transform3s]]) -> bool:
+    def _touches_things(self, poses: list[coal.Transform3s], things: list[Thing]) -> bool:
         return any(
             not immobile and self._touch(mesh, poses[joint], shape, placed)
             for mesh, joint, immobile in self._bodies
@@ -77,7 +92,14 @@ def _shape(solid: SolidConfig) -> coal.CollisionGeometry:
     return coal.Sphere(*solid.size_m)
 
 
-def _box(low: F64, high: F64) -> tuple[coal.CollisionGeometry, coal.Transform3s]:
+def _cells(grid: Grid, cells: I32) -> Thing:
+    """Cells as the leaves of one octree, which coal takes as the boxes that they are; leaves lie on multiples of their edge."""
+    T = np.eye(4)
+    T[:3, 3] = grid.origin_m
+    return coal.makeOctree(grid.centres(cells) - T[:3, 3], grid.resolution_m), _transform(T)
+
+
+def _box(low: F64, high: F64) -> Thing:
     T = np.eye(4)
     T[:3, 3] = (low + high) / 2.0
     return coal.Box(*(high - low)), _transform(T)
