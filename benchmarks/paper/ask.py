@@ -1,0 +1,95 @@
+"""One question to one map: how it is asked, what comes back, and what of it the referee looks at."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, get_args
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.questions import Question
+from services.planner.assemble import Parts
+from services.planner.core.find import SEARCHES, Rules
+from services.planner.core.lookup import BlockedCounts
+from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
+from services.planner.core.world import World
+
+__all__ = ["ALGORITHMS", "RULES", "Answer", "Variant", "answer", "variants"]
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+RULES: tuple[Rules, ...] = get_args(Rules)[::-1]  # the paper's first
+ALGORITHMS = tuple(name for name in ("wavefront", "dijkstra", "astar", "bidirectional") if name in SEARCHES)
+DENSE = 20  # points looked at between two knots of a timed curve; straight pieces are the curve then
+
+
+@dataclass(frozen=True)
+class Variant:
+    """A way of planning: map, search, smoothed or not, whose rules."""
+
+    model: str
+    search: str
+    smooth: bool
+    rules: Rules
+
+    @property
+    def name(self) -> str:
+        """For ``--only`` and raw rows."""
+        return f"{self.model}-{self.search}-{'smoothed' if self.smooth else 'raw'}-{self.rules}"
+
+
+def variants(models: tuple[str, ...], searches: tuple[str, ...] = ALGORITHMS, only: str = "") -> list[Variant]:
+    """All ways of planning, the paper's rules first; ``only``: those whose name contains it."""
+    every = [Variant(m, s, smooth, rules) for rules in RULES for m in models for s in searches for smooth in (False, True)]
+    return [variant for variant in every if only in variant.name]
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """What came back.
+
+    Attributes:
+        solved: there is a motion; else ``outcome`` says why not.
+        neurons: (N,) on the path that the search found.
+        raw_rad: (P, J) that path, from the true start to the true goal.
+        path_rad: (K, J) what the arm would drive, close enough together that straight pieces are the curve.
+        length_rad: of what the arm would drive.
+        ms: milliseconds by stage; ``path`` is update and search, ``total`` all.
+    """
+
+    solved: bool
+    outcome: str
+    neurons: I32
+    raw_rad: F64
+    path_rad: F64
+    length_rad: float
+    ms: dict[str, float]
+
+
+def answer(parts: Parts, planner: MotionPlanner, question: Question, variant: Variant) -> Answer:
+    """Ask in a world that was empty until now: the cells of the question appear, then the answer is made."""
+    counts = BlockedCounts(parts.roadmap.table, parts.roadmap.n_neurons, parts.roadmap.n_edges)
+    watch = Stopwatch(time.perf_counter_ns)
+    began = watch.clock_ns()
+    counts.set_cells(question.cells)
+    world = World.of(parts.grid, counts)
+    watch.add("update", began)
+    ask = Ask(question.q_start, question.q_goal, None, variant.rules, variant.search, variant.smooth)
+    motion = planner.answer(world, ask, watch)
+    watch.add("total", began)
+    watch.ms["path"] = watch.ms["update"] + watch.ms.get("search", 0.0)
+    if not isinstance(motion, Motion):
+        nothing = np.empty((0, len(question.q_start)))
+        return Answer(False, motion.outcome, np.empty(0, dtype=np.int32), nothing, nothing, float("nan"), watch.ms)
+    driven = _dense(motion) if variant.smooth else motion.path.q_rad
+    return Answer(True, "solved", motion.path.neurons, motion.path.q_rad, driven, _length(driven), watch.ms)
+
+
+def _dense(motion: Motion) -> Any:
+    return motion.curve.sample(np.linspace(0.0, motion.curve.duration_s, DENSE * len(motion.curve.t_s)))[0]
+
+
+def _length(path_rad: F64) -> float:
+    return float(np.linalg.norm(np.diff(path_rad, axis=0), axis=1).sum())

@@ -1,0 +1,90 @@
+"""One look for all figures, and both files of each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure as Drawing
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
+from numpy.typing import NDArray
+
+from benchmarks.paper.outcome import Figure
+from common.robot.solids import box_mesh
+
+__all__ = ["COLOURS", "add_boxes", "new_drawing", "save", "space_axes"]
+
+F64 = NDArray[np.float64]
+DPI = 130  # sharp on a screen, about 100 kB a figure
+COLOURS = {
+    "gng": "#1d5f9e",
+    "gamma_som": "#c2571a",
+    "som": "#7a7f87",
+    "ompl_prm": "#8a5fb0",
+    "ompl_rrt": "#b98a00",
+    "ompl_rrt_connect": "#b3261e",
+    "blocked": "#d6433a",
+    "free": "#eef1f4",
+    "path": "#1747d1",
+    "paper": "#5b6675",
+    "checked": "#2e7d4f",
+}
+STYLE = {
+    "font.size": 10.0,
+    "font.family": "DejaVu Sans",
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.color": "#e3e7ec",
+    "grid.linewidth": 0.8,
+    "axes.axisbelow": True,
+    "axes.titlesize": 10.5,
+    "legend.frameon": False,
+    "svg.hashsalt": "tolman",  # equal figures are equal bytes
+}
+
+
+def new_drawing(width_in: float, height_in: float) -> Drawing:
+    """An empty drawing in the common style, laid out without overlaps."""
+    with mpl.rc_context(STYLE):
+        drawing = Drawing(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
+    FigureCanvasAgg(drawing)
+    return drawing
+
+
+def plots(drawing: Drawing, rows: int, columns: int, **options: Any) -> Any:
+    """(rows, columns) array of axes in the common style."""
+    with mpl.rc_context(STYLE):
+        return drawing.subplots(rows, columns, squeeze=False, **options)
+
+
+def save(drawing: Drawing, folder: Path, stem: str, caption: str) -> Figure:
+    """Write ``<stem>.png`` and ``<stem>.svg``."""
+    folder.mkdir(parents=True, exist_ok=True)
+    with mpl.rc_context(STYLE):
+        drawing.savefig(folder / f"{stem}.png")
+        drawing.savefig(folder / f"{stem}.svg", metadata={"Date": None})
+    return Figure(stem, caption)
+
+
+def space_axes(drawing: Drawing, place: Any, title: str, limits_m: tuple[tuple[float, float], ...]) -> Any:
+    """3-D axes in metres, equal scales, seen from the front right."""
+    with mpl.rc_context(STYLE):
+        axes: Any = drawing.add_subplot(place, projection="3d", computed_zorder=False)
+    axes.set(xlim=limits_m[0], ylim=limits_m[1], zlim=limits_m[2], xlabel="x, m", ylabel="y, m", zlabel="z, m")
+    axes.set_box_aspect([high - low for low, high in limits_m])
+    axes.view_init(elev=28.0, azim=-35.0)
+    axes.set_title(title)
+    axes.tick_params(labelsize=7)
+    return axes
+
+
+def add_boxes(axes: Any, boxes_m: F64, colour: str, alpha: float) -> None:
+    """Boxes (n, 2, 3: lowest and highest corners in metres) as solids."""
+    for low, high in boxes_m:
+        vertices, triangles = box_mesh(list(high - low))
+        corners = (vertices + (low + high) / 2.0)[triangles]
+        axes.add_collection3d(Poly3DCollection(corners, facecolors=colour, alpha=alpha, edgecolors="none", zorder=1))

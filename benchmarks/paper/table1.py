@@ -1,0 +1,120 @@
+"""Table I: model, algorithm, smoothed or not; neurons on the path, time, length; and what the paper does not have: true collisions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from benchmarks.paper import words
+from benchmarks.paper.ask import Variant, answer, variants
+from benchmarks.paper.known import known
+from benchmarks.paper.outcome import NOT_AT_HAND, Outcome, Table
+from benchmarks.paper.shared_runs import Run, scene_runs, the_question, with_verdicts
+from benchmarks.paper.stats import mean_sigma, percentile, share
+from benchmarks.paper.study import MODELS, Study
+
+__all__ = ["measure"]
+
+HEAD = ("rules", "model", "algorithm", "smoothed")
+ONE = (*HEAD, "neurons on the path", "path, ms", "answer, ms", "length, rad", "collides (coal)", "paper: ms")
+MANY = (*HEAD, "solved", "neurons", "path, ms", "answer, ms", "answer p95, ms", "length, rad", "collide (coal)")
+INTRO = (
+    "One question (start, goal, boxes) is put to each map by each algorithm, {n} times from an empty world, as in the paper. The same "
+    "question gives the same path each time, so the spread is the clock's. *Path* is all from changed cells to a path on the map; *answer* "
+    "is all until a timed motion may be sent (raw: a stop at each corner). By the paper's rules start and goal snap to their best matches, "
+    "neurons alone are blocked, and a smoothed path is taken if its best matches are free. By ours edges are blocked too and the very curve "
+    "that would be driven is checked. The second table puts {scenes} scenes to each; its last column is coal's word at steps of 1/256 rad, "
+    "on true shapes, without any margin."
+)
+
+
+def measure(study: Study) -> Outcome:
+    """Both tables."""
+    question = the_question(study)
+    asked = variants(MODELS, only=study.only)
+    repeats = {variant: _repeat(study, variant) for variant in study.shown(asked, "20 runs of one question", len(asked))}
+    firsts = with_verdicts(study, [runs[0] for runs in repeats.values()])
+    verdict = {run.variant: run.collides for run in firsts}
+    runs = with_verdicts(study, [run for run in scene_runs(study) if run.variant in repeats])
+    one = Table(
+        f"One question (no. {question.index} of the set “task”), {study.scale.n_runs} runs",
+        ONE,
+        [_row_of_one(variant, runs_of, verdict[variant]) for variant, runs_of in repeats.items()],
+        f"mean ± σ of {study.scale.n_runs}. The paper's table has five rows; which rows its {known('search_ms')} and {known('smoothed_ms')} "
+        "belong to is not at hand: they stand beside GNG with Dijkstra, the algorithm of its demonstrator. Its machine is not at hand either.",
+    )
+    many = Table(
+        f"{study.scale.n_scenes} scenes, one run each",
+        MANY,
+        [_row_of_many([run for run in runs if run.variant == variant]) for variant in asked],
+        "mean ± σ over the scenes that were solved; “solved” with its 95 % interval. A path counts as colliding if it touches a box, the "
+        "table, a bin or the arm itself.",
+    )
+    return Outcome(
+        INTRO.format(n=study.scale.n_runs, scenes=study.scale.n_scenes),
+        rows=[_raw(run, k, "one question") for runs_of in repeats.values() for k, run in enumerate(runs_of)]
+        + [_raw(run, 0, "scenes") for run in runs],
+        tables=[one, many],
+        facts={"question": {"index": question.index, "q_start_rad": question.q_start.tolist(), "q_goal_rad": question.q_goal.tolist()}},
+    )
+
+
+def _repeat(study: Study, variant: Variant) -> list[Run]:
+    parts, question = study.parts(variant.model), the_question(study)
+    planner = parts.motion_planner()
+    answer(parts, planner, question, variant)  # what is cached on first use is not measured
+    return [Run(variant, question, answer(parts, planner, question, variant)) for _ in range(study.scale.n_runs)]
+
+
+def _row_of_one(variant: Variant, runs: Sequence[Run], collides: bool | None) -> list[str]:
+    first = runs[0].answer
+    head = words.row_head(variant)
+    paper = NOT_AT_HAND
+    if (variant.model, variant.search, variant.rules) == ("gng", "dijkstra", "paper"):
+        paper = known("smoothed_ms" if variant.smooth else "search_ms")
+    if not first.solved:
+        return [*head, "–", "–", "–", f"no path ({first.outcome})", "–", paper]
+    return [
+        *head,
+        str(len(first.neurons)),
+        mean_sigma([run.answer.ms["path"] for run in runs]),
+        mean_sigma([run.answer.ms["total"] for run in runs]),
+        f"{first.length_rad:.2f}",
+        "–" if collides is None else words.yes_no(collides),
+        paper,
+    ]
+
+
+def _row_of_many(runs: Sequence[Run]) -> list[str]:
+    solved = [run for run in runs if run.answer.solved]
+    times = [run.answer.ms["total"] for run in solved]
+    hits = sum(bool(run.collides) for run in solved)
+    return [
+        *words.row_head(runs[0].variant),
+        share(len(solved), len(runs)),
+        mean_sigma([float(len(run.answer.neurons)) for run in solved], 1),
+        mean_sigma([run.answer.ms["path"] for run in solved]),
+        mean_sigma(times),
+        percentile(times, 95.0),
+        mean_sigma([run.answer.length_rad for run in solved]),
+        f"**{hits}** of {len(solved)}" if hits else f"0 of {len(solved)}",
+    ]
+
+
+def _raw(run: Run, repeat: int, table: str) -> dict[str, Any]:
+    variant, got = run.variant, run.answer
+    return {
+        "table": table,
+        "row": variant.name,
+        "rules": variant.rules,
+        "model": variant.model,
+        "search": variant.search,
+        "smooth": variant.smooth,
+        "question": run.question.index,
+        "repeat": repeat,
+        "outcome": got.outcome,
+        "n_neurons": len(got.neurons),
+        "length_rad": got.length_rad,
+        "collides": run.collides,
+        **{f"{stage}_ms": value for stage, value in sorted(got.ms.items())},
+    }
