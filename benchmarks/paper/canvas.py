@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from benchmarks.paper.outcome import Figure
 from common.robot.solids import box_mesh
 
-__all__ = ["COLOURS", "add_boxes", "new_drawing", "save", "space_axes"]
+__all__ = ["COLOURS", "add_boxes", "new_drawing", "plots", "save", "space_axes"]
 
 F64 = NDArray[np.float64]
 DPI = 130  # sharp on a screen, about 100 kB a figure

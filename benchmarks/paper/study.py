@@ -109,6 +109,10 @@ class Study:
             return self.gng
         return self.once(f"parts {model}", lambda: self.on(self.lattice(model).roadmap(model)))
 
+    def lattice_unit(self, model: str) -> NDArray[np.int32] | None:
+        """(N,) which unit of its lattice each neuron is, row * columns + column; None for a gas."""
+        return None if model == "gng" else self.lattice(model).unit
+
     def on(self, roadmap: Roadmap, config: PlannerConfig | None = None) -> Parts:
         """The whole planner on another map of the same cell."""
         return replace(self.gng, roadmap=roadmap, config=config or self.config)
