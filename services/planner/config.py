@@ -67,4 +67,4 @@ class PlannerConfig(Strict, frozen=True):
     replan: ReplanConfig = ReplanConfig()
     model: Literal["gng"] = "gng"
     rules: Literal["checked", "paper"] = "checked"
-    search: Literal["dijkstra", "astar", "wavefront"] = "dijkstra"  # paper
+    search: Literal["dijkstra", "astar", "bidirectional", "wavefront"] = "dijkstra"  # paper
