@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from services.planner.core.check import Checker
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import Leaving, World
+from services.planner.kernels.bidirectional import both_ends
 from services.planner.kernels.collision import FREE
 from services.planner.kernels.path import nearest_free
 from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
@@ -26,7 +27,7 @@ __all__ = ["SEARCHES", "FoundPath", "NotFound", "PathFinder", "Route", "path_len
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 Rules = Literal["checked", "paper"]
-SEARCHES = ("dijkstra", "astar", "wavefront")
+SEARCHES = ("dijkstra", "astar", "bidirectional", "wavefront")  # the first three find equally short paths, the last the fewest neurons
 N_CONNECTIONS = 24  # nearest free neurons that start and goal may join; our choice
 FREE_CONNECTIONS = 6  # free ones that are enough for an end whose first choice was blocked; our choice
 
@@ -98,10 +99,10 @@ class PathFinder:
         self.roadmap = roadmap
         self.checker = checker
         n, m = roadmap.n_neurons, roadmap.n_edges
-        self._cost, self._parent = np.empty(n), np.empty(n, dtype=np.int32)
+        self._cost, self._parent = np.empty((2, n)), np.empty((2, n), dtype=np.int32)  # row 1: from the goals, bidirectional only
         self._level, self._queue = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)
         capacity = N_CONNECTIONS + 2 * m + n + 1
-        self._heap_key, self._heap_node = np.empty(capacity), np.empty(capacity, dtype=np.int32)
+        self._heap_key, self._heap_node = np.empty((2, capacity)), np.empty((2, capacity), dtype=np.int32)
         self._path = np.empty(n, dtype=np.int32)
         self._none_blocked = np.zeros(n, dtype=np.int32)
         self._no_edges_blocked = np.zeros(m, dtype=np.int32)
@@ -165,43 +166,17 @@ class PathFinder:
     ) -> I32 | None:
         """Neurons of the best path from any of ``start`` to any of ``goal`` at these joining costs; None if there is none."""
         r = self.roadmap
+        graph = (r.adj_offset, r.adj_node, r.adj_edge)
+        ends = (start, start_cost, goal, goal_cost)
         if search == "wavefront":
-            n, _, _ = breadth_first(
-                r.adj_offset,
-                r.adj_node,
-                r.adj_edge,
-                node_count,
-                edge_count,
-                start,
-                start_cost,
-                goal,
-                goal_cost,
-                self._level,
-                self._parent,
-                self._queue,
-                self._path,
-            )
+            n, _, _ = breadth_first(*graph, node_count, edge_count, *ends, self._level, self._parent[0], self._queue, self._path)
+        elif search == "bidirectional":
+            scratch = (self._cost, self._parent, self._heap_key, self._heap_node)
+            n, _, _ = both_ends(*graph, r.adj_length, node_count, edge_count, *ends, *scratch, self._path)
         else:
-            n, _, _ = best_first(
-                r.neurons_rad,
-                r.adj_offset,
-                r.adj_node,
-                r.adj_edge,
-                r.adj_length,
-                node_count,
-                edge_count,
-                start,
-                start_cost,
-                goal,
-                goal_cost,
-                q_goal,
-                search == "astar",
-                self._cost,
-                self._parent,
-                self._heap_key,
-                self._heap_node,
-                self._path,
-            )
+            bound = (q_goal, search == "astar")
+            scratch = (self._cost[0], self._parent[0], self._heap_key[0], self._heap_node[0])
+            n, _, _ = best_first(r.neurons_rad, *graph, r.adj_length, node_count, edge_count, *ends, *bound, *scratch, self._path)
         return None if n == NOT_FOUND else self._path[:n].copy()
 
     def cut_corners(self, world: World, found: FoundPath, checks: int) -> F64:

@@ -64,6 +64,37 @@ class GrowingNeuralGas:
         kernel.refresh(self._gas, samples)
         return self
 
+    @classmethod
+    def of_map(cls, kept: CognitiveMap, parameters: GasParameters, n_neurons: int, samples_rad: F64) -> GrowingNeuralGas:
+        """A gas that stands as ``kept`` does, without errors and with fresh edges, ready for :meth:`partial_fit` up to ``n_neurons``.
+
+        A kept map does not say how old its edges were or where its errors lay: edges that later signals contradict age from here on.
+
+        Args:
+            kept: of a gas; :meth:`to_map` gives it back as it is.
+            parameters: of what is learned from now on.
+            n_neurons: at least as many as ``kept`` has.
+            samples_rad: (S, J) what will be shown, so that the search for nearest units is laid out for it.
+
+        Raises:
+            ValueError: fewer neurons than there are, samples of another width, or a neuron with more neighbours than a gas can hold.
+        """
+        samples = checked_samples(samples_rad)
+        if samples.shape[1] != kept.q_rad.shape[1]:
+            raise ValueError(f"samples have {samples.shape[1]} joints, the map has {kept.q_rad.shape[1]}")
+        if n_neurons < kept.n_neurons:
+            raise ValueError(f"n_neurons is {n_neurons}, the map has {kept.n_neurons} already")
+        degree = int(np.bincount(kept.edges.ravel(), minlength=1).max())
+        if degree > kernel.MAX_DEGREE:
+            raise ValueError(f"a neuron of the map has {degree} neighbours, a gas holds {kernel.MAX_DEGREE}")
+        model = cls(parameters, n_neurons)
+        model._gas = _empty_gas(np.concatenate([kept.q_rad, samples]), n_neurons)
+        for q in kept.q_rad:
+            kernel.add_unit(model._gas, q, 0.0)
+        for a, b in kept.edges:
+            kernel.connect(model._gas, int(a), int(b), 0)
+        return model
+
     def partial_fit(self, samples_rad: F64, seed: int, n_signals: int | None = None) -> GrowingNeuralGas:
         """Show further signals (default: as many as samples) to a fitted gas; it may grow up to ``n_neurons`` meanwhile.
 
