@@ -56,6 +56,7 @@ class Answer:
         raw_rad: (P, J) that path, from the true start to the true goal.
         path_rad: (K, J) what the arm would drive, close enough together that straight pieces are the curve.
         length_rad: of what the arm would drive.
+        fell_back: smoothing was asked for and no smooth curve was taken: the arm stops at each corner.
         ms: milliseconds by stage; ``path`` is update and search, ``total`` all.
     """
 
@@ -65,6 +66,7 @@ class Answer:
     raw_rad: F64
     path_rad: F64
     length_rad: float
+    fell_back: bool
     ms: dict[str, float]
 
 
@@ -82,9 +84,9 @@ def answer(parts: Parts, planner: MotionPlanner, question: Question, variant: Va
     watch.ms["path"] = watch.ms["update"] + watch.ms.get("search", 0.0)
     if not isinstance(motion, Motion):
         nothing = np.empty((0, len(question.q_start)))
-        return Answer(False, motion.outcome, np.empty(0, dtype=np.int32), nothing, nothing, float("nan"), watch.ms)
+        return Answer(False, motion.outcome, np.empty(0, dtype=np.int32), nothing, nothing, float("nan"), False, watch.ms)
     driven = _dense(motion) if variant.smooth else motion.path.q_rad
-    return Answer(True, "solved", motion.path.neurons, motion.path.q_rad, driven, _length(driven), watch.ms)
+    return Answer(True, "solved", motion.path.neurons, motion.path.q_rad, driven, _length(driven), motion.fell_back, watch.ms)
 
 
 def _dense(motion: Motion) -> Any:

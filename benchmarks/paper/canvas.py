@@ -19,6 +19,7 @@ __all__ = ["COLOURS", "add_boxes", "new_drawing", "plots", "save", "space_axes"]
 
 F64 = NDArray[np.float64]
 DPI = 130  # sharp on a screen, about 100 kB a figure
+TICK_M = 0.2
 COLOURS = {
     "gng": "#1d5f9e",
     "gamma_som": "#c2571a",
@@ -75,11 +76,17 @@ def space_axes(drawing: Drawing, place: Any, title: str, limits_m: tuple[tuple[f
     with mpl.rc_context(STYLE):
         axes: Any = drawing.add_subplot(place, projection="3d", computed_zorder=False)
     axes.set(xlim=limits_m[0], ylim=limits_m[1], zlim=limits_m[2], xlabel="x, m", ylabel="y, m", zlabel="z, m")
-    axes.set_box_aspect([high - low for low, high in limits_m])
-    axes.view_init(elev=28.0, azim=-35.0)
-    axes.set_title(title)
-    axes.tick_params(labelsize=7)
+    axes.set_box_aspect([high - low for low, high in limits_m], zoom=0.9)
+    axes.view_init(elev=24.0, azim=-28.0)
+    axes.set_title(title, y=0.98)
+    axes.tick_params(labelsize=7, pad=0)
+    axes.set(xticks=_ticks(limits_m[0]), yticks=_ticks(limits_m[1]), zticks=_ticks(limits_m[2]))
+    axes.zaxis.labelpad = 0.0
     return axes
+
+
+def _ticks(limits_m: tuple[float, float]) -> F64:
+    return np.arange(np.ceil(limits_m[0] / TICK_M), np.floor(limits_m[1] / TICK_M) + 1) * TICK_M
 
 
 def add_boxes(axes: Any, boxes_m: F64, colour: str, alpha: float) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import msgspec
@@ -14,11 +14,8 @@ from numpy.typing import NDArray
 
 from common.errors import ArtefactError
 from services.planner.core.cognitive_map import CognitiveMap
-from services.planner.core.gamma_som import GammaSom, GammaSomParameters
 from services.planner.core.lookup import LookupTable, build_table
-from services.planner.core.models import MapModel
 from services.planner.core.roadmap import Roadmap
-from services.planner.core.som import SelfOrganisingMap, SomParameters
 from services.planner.core.world import no_cells
 from services.planner.kernels.collision import FREE
 from services.planner.offline import artefact
@@ -27,7 +24,7 @@ from services.planner.offline.motion_store import MotionOrder, make_motions
 from services.planner.offline.motions import Samples, resample
 from services.planner.offline.pruning import without_collisions
 
-__all__ = ["KeptMap", "Progress", "kept_map", "lattice_model", "samples_of"]
+__all__ = ["KeptMap", "Progress", "kept_map", "samples_of"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -62,13 +59,6 @@ def samples_of(job: Job, progress: Progress) -> Samples:
     return resample(make_motions(order, lambda share: progress("motions", share)), job.config.motions.n_samples)
 
 
-def lattice_model(name: str, side: int, gamma_epochs: int, n_samples: int) -> MapModel:
-    """A SOM or gamma-SOM of ``side`` x ``side`` units with the parameters that the planner ships."""
-    if name == "som":
-        return SelfOrganisingMap(SomParameters.of(side, side, n_samples))
-    return GammaSom(replace(GammaSomParameters.of(side, side), epochs=gamma_epochs))
-
-
 def kept_map(job: Job, name: str, inputs: Any, learn: Callable[[], CognitiveMap], progress: Progress) -> KeptMap:
     """The map called ``name``, from the cache or made now: learned, rid of what collides, and its table built.
 
@@ -78,7 +68,9 @@ def kept_map(job: Job, name: str, inputs: Any, learn: Callable[[], CognitiveMap]
         learn: neurons and edges; they may still collide.
         progress: called with (stage, share).
     """
-    digest = hashlib.sha256(msgspec.msgpack.encode([VERSION, name, inputs, job.motions_fingerprint], order="deterministic")).hexdigest()[:16]
+    digest = hashlib.sha256(msgspec.msgpack.encode([VERSION, name, inputs, job.motions_fingerprint], order="deterministic")).hexdigest()[
+        :16
+    ]
     path = job.cache / f"paper-{name}-{digest}.tolman"
     try:
         return _of(artefact.read(path, {"inputs": digest}))

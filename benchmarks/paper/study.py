@@ -5,13 +5,14 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field, replace
+from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
-from benchmarks.paper.maps import KeptMap, kept_map, lattice_model, samples_of
+from benchmarks.paper.maps import samples_of
 from benchmarks.paper.scale import Scale
 from benchmarks.questions import Question, questions
 from common.cell import CellConfig
@@ -23,13 +24,22 @@ from services.planner.offline.build import Job
 from services.planner.offline.motions import Samples
 from services.planner.rehearsal import rehearse
 
-__all__ = ["MODELS", "Study", "Tell"]
+__all__ = ["MODELS", "StackOf", "Study", "Tell"]
 
 F64 = NDArray[np.float64]
 T = TypeVar("T")
 Tell = Callable[[str, float | None], None]  # what is done now, and the share of it that is done
 
 MODELS = ("som", "gamma_som", "gng")
+
+
+@dataclass(frozen=True)
+class StackOf:
+    """What the running stack is started with: config file (None: the UR3 cell) and overrides; or a dodge recorded before."""
+
+    config: Path | None = None
+    overrides: tuple[str, ...] = ()
+    recorded: Path | None = None
 
 
 def _silent(what: str, share: float | None) -> None:
@@ -46,7 +56,7 @@ class Study:
     seed: int
     tell: Tell = _silent
     only: str = ""  # rows of tables whose name contains this; empty: all
-    dodge_record: str = ""  # a recorded dodge to draw instead of running the stack
+    stack: StackOf = StackOf()
     _kept: dict[str, Any] = field(default_factory=dict)
 
     def once(self, key: str, make: Callable[[], T]) -> T:
@@ -85,33 +95,22 @@ class Study:
 
         return self.once("gng", make)
 
-    def lattice(self, model: str) -> KeptMap:
-        """The trained SOM or gamma-SOM."""
-
-        def make() -> KeptMap:
-            side, epochs = self.scale.lattice_side, self.scale.gamma_epochs
-            samples = self.samples
-            inputs = [side, epochs if model == "gamma_som" else 0, self.config.map.seed]
-            fitted = lattice_model(model, side, epochs, len(samples.q_rad))
-            return kept_map(
-                self.job,
-                model,
-                inputs,
-                lambda: fitted.fit(samples.q_rad, samples.starts, self.config.map.seed, lambda share: self.tell(model, share)).to_map(),
-                self.tell,
-            )
-
-        return self.once(f"lattice {model}", make)
-
     def parts(self, model: str) -> Parts:
         """The whole planner on the map of a model, one of :data:`MODELS`."""
         if model == "gng":
             return self.gng
-        return self.once(f"parts {model}", lambda: self.on(self.lattice(model).roadmap(model)))
+        config = msgspec.structs.replace(self.config, model=model, **self._lattices())
+        return self.once(f"parts {model}", lambda: assemble(self.cell, config, self.tell))
 
     def lattice_unit(self, model: str) -> NDArray[np.int32] | None:
         """(N,) which unit of its lattice each neuron is, row * columns + column; None for a gas."""
-        return None if model == "gng" else self.lattice(model).unit
+        return self.parts(model).built.lattice_unit
+
+    def _lattices(self) -> dict[str, Any]:
+        side = self.scale.lattice_side
+        som = msgspec.structs.replace(self.config.som, rows=side, columns=side)
+        gamma = msgspec.structs.replace(self.config.gamma_som, rows=side, columns=side, epochs=self.scale.gamma_epochs)
+        return {"som": som, "gamma_som": gamma}
 
     def on(self, roadmap: Roadmap, config: PlannerConfig | None = None) -> Parts:
         """The whole planner on another map of the same cell."""

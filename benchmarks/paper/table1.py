@@ -17,13 +17,13 @@ __all__ = ["measure"]
 
 HEAD = ("rules", "model", "algorithm", "smoothed")
 ONE = (*HEAD, "neurons on the path", "path, ms", "answer, ms", "length, rad", "collides (coal)", "paper: ms")
-MANY = (*HEAD, "solved", "neurons", "path, ms", "answer, ms", "answer p95, ms", "length, rad", "collide (coal)")
+MANY = (*HEAD, "solved", "smoothing rejected", "neurons", "path, ms", "answer, ms", "answer p95, ms", "length, rad", "collide (coal)")
 INTRO = (
     "One question (start, goal, boxes) is put to each map by each algorithm, {n} times from an empty world, as in the paper. The same "
     "question gives the same path each time, so the spread is the clock's. *Path* is all from changed cells to a path on the map; *answer* "
     "is all until a timed motion may be sent (raw: a stop at each corner). By the paper's rules start and goal snap to their best matches, "
     "neurons alone are blocked, and a smoothed path is taken if its best matches are free. By ours edges are blocked too and the very curve "
-    "that would be driven is checked. The second table puts {scenes} scenes to each; its last column is coal's word at steps of 1/256 rad, "
+    "that would be driven is checked. Where no smooth curve is accepted (*rejected*) the raw path is driven. The second table puts {scenes} scenes to each; its last column is coal's word at steps of 1/256 rad, "
     "on true shapes, without any margin."
 )
 
@@ -69,6 +69,8 @@ def _repeat(study: Study, variant: Variant) -> list[Run]:
 def _row_of_one(variant: Variant, runs: Sequence[Run], collides: bool | None) -> list[str]:
     first = runs[0].answer
     head = words.row_head(variant)
+    if first.fell_back:
+        head[-1] = "yes, rejected"
     paper = NOT_AT_HAND
     if (variant.model, variant.search, variant.rules) == ("gng", "dijkstra", "paper"):
         paper = known("smoothed_ms" if variant.smooth else "search_ms")
@@ -92,6 +94,7 @@ def _row_of_many(runs: Sequence[Run]) -> list[str]:
     return [
         *words.row_head(runs[0].variant),
         share(len(solved), len(runs)),
+        str(sum(run.answer.fell_back for run in solved)) if runs[0].variant.smooth else "",
         mean_sigma([float(len(run.answer.neurons)) for run in solved], 1),
         mean_sigma([run.answer.ms["path"] for run in solved]),
         mean_sigma(times),
@@ -113,6 +116,7 @@ def _raw(run: Run, repeat: int, table: str) -> dict[str, Any]:
         "question": run.question.index,
         "repeat": repeat,
         "outcome": got.outcome,
+        "fell_back": got.fell_back,
         "n_neurons": len(got.neurons),
         "length_rad": got.length_rad,
         "collides": run.collides,

@@ -105,9 +105,7 @@ def _judged(study: Study, runs: Sequence[PeerRun], questions: dict[int, Question
     solved = [run for run in runs if run.path_rad is not None]
     cases = [Case(run.path_rad, questions[run.question].boxes_m) for run in solved if run.path_rad is not None]
     verdicts = iter(collisions(study, cases))
-    return [
-        PeerRun(r.planner, r.question, r.seed, r.path_rad, r.ms, None if r.path_rad is None else next(verdicts)) for r in runs
-    ]
+    return [PeerRun(r.planner, r.question, r.seed, r.path_rad, r.ms, None if r.path_rad is None else next(verdicts)) for r in runs]
 
 
 def name_of(planner: str) -> str:

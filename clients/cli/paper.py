@@ -27,8 +27,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--out", type=Path, default=Path("report"), metavar="DIR", help="folder of the report (default: %(default)s/)")
     parser.add_argument("--quick", action="store_true", help="small maps and few runs: every part in under 3 minutes, no figure means much")
     parser.add_argument("--seed", type=int, default=0, help="of scenes and sampling planners (default: %(default)s)")
-    parser.add_argument("--only", default="", metavar="TEXT", help="of tables only the rows with this in their name, as gng-astar-raw-checked")
-    parser.add_argument("--dodge", default="", metavar="FILE", help="draw this recorded dodge instead of running the stack")
+    parser.add_argument(
+        "--only", default="", metavar="TEXT", help="of tables only the rows with this in their name, as gng-astar-raw-checked"
+    )
+    parser.add_argument("--dodge", type=Path, metavar="FILE", help="draw this recorded dodge instead of running the stack")
     parser.add_argument("--list", action="store_true", help="list the parts and end")
     add_cell_arguments(parser)
 
@@ -42,11 +44,12 @@ def run(args: argparse.Namespace) -> int:
     from benchmarks.paper.report.write import write_report  # noqa: PLC0415  matplotlib and the planner's kernels take seconds to load
     from benchmarks.paper.run import run_parts  # noqa: PLC0415
     from benchmarks.paper.scale import FULL, QUICK  # noqa: PLC0415
-    from benchmarks.paper.study import Study  # noqa: PLC0415
+    from benchmarks.paper.study import StackOf, Study  # noqa: PLC0415
 
     scale = QUICK if args.quick else FULL
-    shared, config = cell.load(args.config, "planner", PlannerConfig, [*scale.overrides, *args.set])
-    study = Study(shared, config, scale, args.seed, only=args.only, dodge_record=args.dodge)
+    overrides = [*scale.overrides, *args.set]
+    shared, config = cell.load(args.config, "planner", PlannerConfig, overrides)
+    study = Study(shared, config, scale, args.seed, only=args.only, stack=StackOf(args.config, tuple(overrides), args.dodge))
     began_s = time.monotonic()
     for k, name in enumerate(names):
         part_s = time.monotonic()

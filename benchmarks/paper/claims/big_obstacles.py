@@ -25,7 +25,9 @@ from services.planner.offline.regions import box_cells
 __all__ = ["EDGES_M", "Fall", "measure"]
 
 I32 = NDArray[np.int32]
-EDGES_M = tuple(float(edge) for edge in np.arange(0.08, 0.601, 0.04).round(2))  # our choice: from a hand to what fills the room between bins
+EDGES_M = tuple(
+    float(edge) for edge in np.arange(0.08, 0.601, 0.04).round(2)
+)  # our choice: from a hand to what fills the room between bins
 INTRO = (
     "{n} scenes: start and goal of the set “task”, and a cube at the place of the question's first box that grows from {first:.0f} to "
     "{last:.0f} cm until there is no path, or until it would touch start or goal (then the scene ends without a failure: nobody could "
@@ -64,7 +66,10 @@ def measure(study: Study) -> Outcome:
     falls = [fall for question in study.shown(scenes, "growing cubes", len(scenes)) for fall in _scene(study, finders, question)]
     tables = [_table(falls)]
     verdicts = [_verdict(falls, rules) for rules in RULES]
-    raw = [{"row": f"{f.model}-{f.rules}", "question": f.scene, "edge_m": f.edge_m, "blocked_share": f.blocked, "outcome": f.outcome} for f in falls]
+    raw = [
+        {"row": f"{f.model}-{f.rules}", "question": f.scene, "edge_m": f.edge_m, "blocked_share": f.blocked, "outcome": f.outcome}
+        for f in falls
+    ]
     intro = INTRO.format(n=len(scenes), first=100 * EDGES_M[0], last=100 * EDGES_M[-1])
     return Outcome(intro, rows=raw, tables=tables, verdicts=verdicts, data=falls)
 
@@ -132,7 +137,9 @@ def _verdict(falls: Sequence[Fall], rules: str) -> Verdict:
         f"γ-SOM fails in {share(n_failed['gamma_som'], len(scenes))}, GNG in {share(n_failed['gng'], len(scenes))}; on the same scene γ-SOM fails "
         f"at a smaller cube {sooner} times, GNG {later} times (sign test p = {p:.2g})"
     )
-    return Verdict(f"γ-SOM fails more often at big obstacles ({words.RULES_WORD[rules]} rules)", NOT_AT_HAND, said, _holds(sooner, later, p))
+    return Verdict(
+        f"γ-SOM fails more often at big obstacles ({words.RULES_WORD[rules]} rules)", NOT_AT_HAND, said, _holds(sooner, later, p)
+    )
 
 
 def _holds(sooner: int, later: int, p: float) -> Holds:

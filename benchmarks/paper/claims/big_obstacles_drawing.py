@@ -41,7 +41,14 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
     for axes, rules in zip(panels, RULES, strict=True):
         for model in MODELS:
             mine = [fall for fall in falls if (fall.rules, fall.model) == (rules, model)]
-            axes.step([100.0 * e for e in EDGES_M], failed_share(mine), where="post", color=COLOURS[model], label=words.MODEL[model], linewidth=1.8)
+            axes.step(
+                [100.0 * e for e in EDGES_M],
+                failed_share(mine),
+                where="post",
+                color=COLOURS[model],
+                label=words.MODEL[model],
+                linewidth=1.8,
+            )
         axes.set(xlabel="edge of the cube, cm", ylabel="share of scenes failed", ylim=(0.0, 1.0), title=f"{words.RULES_WORD[rules]} rules")
     panels[0].legend()
     for model in MODELS:

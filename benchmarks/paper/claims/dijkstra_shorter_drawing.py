@@ -13,5 +13,7 @@ __all__ = ["draw"]
 
 def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
     """A panel for each map."""
-    caption = "Joint length on the same scenes, by the paper's rules: Dijkstra upright, wavefront along. Below the line Dijkstra is shorter."
+    caption = (
+        "Joint length on the same scenes, by the paper's rules: Dijkstra upright, wavefront along. Below the line Dijkstra is shorter."
+    )
     return draw_pairs(outcome.data, folder, "dijkstra-shorter", ("Dijkstra, rad", "wavefront, rad"), caption)

@@ -52,7 +52,14 @@ def measure(study: Study) -> Outcome:
             }
             for run in runs
         ],
-        tables=[Table("Path lengths by map", ("rules", "model", "smoothed", "solved", "length, rad", "neurons"), rows, "mean ± σ over what each solved.")],
+        tables=[
+            Table(
+                "Path lengths by map",
+                ("rules", "model", "smoothed", "solved", "length, rad", "neurons"),
+                rows,
+                "mean ± σ over what each solved.",
+            )
+        ],
         verdicts=[verdict],
         data=pairs,
     )

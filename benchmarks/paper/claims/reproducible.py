@@ -45,11 +45,11 @@ def measure(study: Study) -> Outcome:
     samplers = [r for r in rows if str(r["row"]).rpartition("-")[0] in PLANNERS]
     solved = all(r["paths"] for r in ours)
     same = all(r["distinct"] == 1 and r["paths"] == n for r in ours)
+    said = [f"{name_of(str(r['row']))}: {r['distinct']} different of {r['paths']}" for r in [*ours, *samplers]]
     verdict = Verdict(
         "Paths are reproducible",
         NOT_AT_HAND,
-        f"GNG: {'; '.join(f'{r['paths']} of {n} runs with a path, {r['distinct']} different' for r in ours)}; samplers: "
-        f"{'; '.join(f'{name_of(str(r['row']))} {r['distinct']} different of {r['paths']}' for r in samplers)}",
+        f"paths of {n} runs of one question; {'; '.join(said)}",
         HOLDS if same else NOT if solved else UNDECIDED,
         "With equal seeds OMPL's RRT and RRTConnect repeat themselves too, as long as no time limit cuts in; PRM grows by the clock.",
     )

@@ -48,7 +48,15 @@ def measure(study: Study) -> Outcome:
         ]
         for s in sizes
     ]
-    columns = ("neurons", "edge median, rad", "quantisation error, rad", "step median / p95, rad", "solved", "smoothed length, rad", "search median, ms")
+    columns = (
+        "neurons",
+        "edge median, rad",
+        "quantisation error, rad",
+        "step median / p95, rad",
+        "solved",
+        "smoothed length, rad",
+        "search median, ms",
+    )
     steps = [float(np.median(s.steps_rad)) if s.steps_rad else float("nan") for s in sizes]
     slope = _slope([s.n_neurons for s in sizes], steps)
     said = ", ".join(f"{step:.3f} rad at {s.n_neurons}" for step, s in zip(steps, sizes, strict=True))

@@ -37,7 +37,9 @@ def measure(study: Study) -> Outcome:
         stages[rules] = {stage: [got.ms.get(stage, 0.0) for got in solved] for stage in STAGES}
         for stage in STAGES:
             values = stages[rules][stage]
-            rows.append([words.RULES_WORD[rules], f"{stage}: {EXPLAINED[stage]}", mean_sigma(values), median(values), percentile(values, 95.0)])
+            rows.append(
+                [words.RULES_WORD[rules], f"{stage}: {EXPLAINED[stage]}", mean_sigma(values), median(values), percentile(values, 95.0)]
+            )
     said = []
     for rules in RULES:
         smooth = [sum(values) for values in zip(*(stages[rules][stage] for stage in SMOOTHING), strict=True)]

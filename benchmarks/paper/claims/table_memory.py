@@ -60,7 +60,16 @@ def measure(study: Study) -> Outcome:
         ]
         for s in sizes
     ]
-    columns = ("neurons", "ours, MB", "ours, neurons only, MB", "bits (neurons only), MB", "appear: ours, µs", "appear: bits, µs", "move: ours, µs", "move: bits, µs")
+    columns = (
+        "neurons",
+        "ours, MB",
+        "ours, neurons only, MB",
+        "bits (neurons only), MB",
+        "appear: ours, µs",
+        "appear: bits, µs",
+        "move: ours, µs",
+        "move: bits, µs",
+    )
     raw = [
         {
             "row": f"gng-{s.n_neurons}",
@@ -120,8 +129,14 @@ def _linear(sizes: list[Memory]) -> Verdict:
     a_neuron = [s.ours_bytes / s.n_neurons for s in sizes]
     spread = max(a_neuron) / min(a_neuron)
     said = ", ".join(f"{value / 1e3:.2f} kB at {s.n_neurons}" for value, s in zip(a_neuron, sizes, strict=True))
-    word = "Bytes a neuron stay within a fifth from the smallest to the largest map." if spread < 1.2 else "Small maps also pay for the offsets of all cells."
-    return Verdict("The table grows linearly with the map", NOT_AT_HAND, f"bytes a neuron: {said}", HOLDS if spread < 1.2 else IN_PART, word)
+    word = (
+        "Bytes a neuron stay within a fifth from the smallest to the largest map."
+        if spread < 1.2
+        else "Small maps also pay for the offsets of all cells."
+    )
+    return Verdict(
+        "The table grows linearly with the map", NOT_AT_HAND, f"bytes a neuron: {said}", HOLDS if spread < 1.2 else IN_PART, word
+    )
 
 
 def _smaller(sizes: list[Memory]) -> Verdict:

@@ -39,6 +39,7 @@ class Bitmap:
         blocked: (N,) bool.
         raw, smoothed: neurons on the path, and best matches along the smoothed curve; empty if there is none.
         raw_m, smoothed_m: (K, 3) ways of the tool.
+        rejected: no smoothed curve had free best matches, so the raw path is driven.
     """
 
     model: str
@@ -49,6 +50,7 @@ class Bitmap:
     smoothed: I32
     raw_m: F64
     smoothed_m: F64
+    rejected: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +79,9 @@ def measure(study: Study) -> Outcome:
         rows.append(row)
     columns = ("model", "neurons", "blocked", "on the path", "length raw, rad", "length smoothed, rad", "edge on the bitmap, px")
     cells = [[words.MODEL[str(r["model"])], *(f"{r[k]:.4g}" for k in list(r)[1:])] for r in rows]
-    table = Table("What the bitmaps show", columns, cells, "Edge: mean distance between the pixels of joined neurons; a lattice has 1 to 1.4.")
+    table = Table(
+        "What the bitmaps show", columns, cells, "Edge: mean distance between the pixels of joined neurons; a lattice has 1 to 1.4."
+    )
     return Outcome(INTRO, rows=rows, tables=[table], data=Maps(bitmaps, the_question(study).boxes_m))
 
 
@@ -104,4 +108,4 @@ def _bitmap(study: Study, model: str) -> tuple[Bitmap, dict[str, str | float]]:
         "length_smoothed_rad": smooth.length_rad,
         "edge_px": mean_edge_px(roadmap, place),
     }
-    return Bitmap(model, side, place, counts.node > 0, raw.neurons, along, *ways), row
+    return Bitmap(model, side, place, counts.node > 0, raw.neurons, along, *ways, smooth.fell_back), row

@@ -19,7 +19,7 @@ __all__ = ["SPACE_M", "draw"]
 
 SPACE_M = ((0.0, 0.6), (-0.5, 0.5), (0.0, 0.6))
 CAPTION = (
-    "Cognitive maps among the boxes of the question: blocked neurons red, path blue (start: circle, goal: square), raw and smoothed; right: "
+    "Cognitive maps among the boxes of the question: blocked neurons red, path blue (start: circle, goal: square), raw and smoothed (where no smoothed curve has free best matches, it is rejected and the raw path kept); right: "
     "the tool's way in space, raw thin and smoothed bold."
 )
 
@@ -30,7 +30,9 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
     drawing = new_drawing(11.5, 3.9 * len(maps.bitmaps))
     grid = drawing.add_gridspec(len(maps.bitmaps), 3, width_ratios=(1.0, 1.0, 1.15))
     for k, bitmap in enumerate(maps.bitmaps):
-        for column, (path, how) in enumerate(((bitmap.raw, "raw"), (bitmap.smoothed, "smoothed"))):
+        for column, (path, how) in enumerate(
+            ((bitmap.raw, "raw"), (bitmap.smoothed, "smoothing rejected" if bitmap.rejected else "smoothed"))
+        ):
             _draw_bitmap(drawing.add_subplot(grid[k, column]), bitmap, path, how)
         axes = space_axes(drawing, grid[k, 2], f"{words.MODEL[bitmap.model]}: way of the tool", SPACE_M)
         add_boxes(axes, maps.boxes_m, COLOURS["blocked"], 0.35)

@@ -14,7 +14,9 @@ from benchmarks.paper.table2 import PLANNERS
 
 __all__ = ["draw"]
 
-CAPTION = "Tool paths of the sampling planners, thin, and ours, bold blue, among the boxes of the question (red). Above raw, below simplified."
+CAPTION = (
+    "Tool paths of the sampling planners, thin, and ours, bold blue, among the boxes of the question (red). Above raw, below simplified."
+)
 
 
 def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:

@@ -17,7 +17,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 SIDE = 24  # neurons along each joint; our choice, coarse enough to be seen one by one
 N_CELLS = 20  # cells along each side of the square; our choice
-OBSTACLE = (slice(13, 16), slice(13, 16))  # cells x, y that are occupied; our choice, within reach
+OBSTACLE = (slice(15, 18), slice(15, 18))  # cells x, y that are occupied; our choice: only the forearm reaches them
 START_RAD, GOAL_RAD = (0.2, 0.35), (2.1, 0.9)
 INTRO = (
     "The idea of the table on an arm with two links of 1 m in a plane of 20 x 20 cells. Offline, forward kinematics says for each neuron "

@@ -15,7 +15,7 @@ from benchmarks.paper.outcome import Figure, Outcome
 
 __all__ = ["draw"]
 
-ROW_CELL = (14, 14)  # the cell whose row of the table is shown
+ROW_CELL = (15, 15)  # the cell whose row of the table is shown
 CAPTION = (
     "Left: the plane in cells; the obstacle red, one of its cells (outlined) read in the table; the arm along the path round it, from light to "
     "dark. Middle: that cell's row of the table, the neurons whose arm sweeps it. Right: the neurons that all nine cells block (red) and the "

@@ -59,7 +59,9 @@ def document(sections: Sequence[Section], missing: Sequence[str]) -> Document:
         lead=f"{LEAD}\n\n*{PAPER}*",
         differs=DIFFERS,
         facts=_facts(sections),
-        summary=", ".join(f"{counts[holds]} {holds}" for holds in ("holds", "holds in part", "does not hold", "undecided") if counts[holds]),
+        summary=", ".join(
+            f"{counts[holds]} {holds}" for holds in ("holds", "holds in part", "does not hold", "undecided") if counts[holds]
+        ),
         glance=glance,
         known=known,
         groups=[(title, part) for title, part in groups if part],

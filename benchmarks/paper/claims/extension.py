@@ -1,0 +1,166 @@
+"""Claim: a gas trained on general motions is extended by a task's instead of being trained anew."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import msgspec
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.paper.ask import Variant, answer
+from benchmarks.paper.maps import KeptMap, kept_map
+from benchmarks.paper.outcome import HOLDS, IN_PART, NOT, NOT_AT_HAND, UNDECIDED, Holds, Outcome, Table, Verdict
+from benchmarks.paper.stats import share
+from benchmarks.paper.study import Study
+from benchmarks.questions import Question
+from services.planner.core.cognitive_map import CognitiveMap, quantisation_error_rad
+from services.planner.core.gng import GrowingNeuralGas
+from services.planner.core.rrt_connect import RrtParameters
+from services.planner.offline.growth import gas_parameters
+from services.planner.offline.motions import resample
+from services.planner.offline.scene import Scene
+
+__all__ = ["Learned", "measure"]
+
+F64 = NDArray[np.float64]
+STREAM = 97  # of the generator, so that other parts draw other numbers
+SAMPLES_A_NEURON = 5  # as for the shipped map: 50 000 samples for 10 000 neurons
+GENERAL_SHARE = 6  # neurons for each general motion; our choice, as many samples a motion as the task has
+ATTEMPTS = 50
+INTRO = (
+    "General motions: RRTConnect between random free joint vectors, without obstacles. Task motions: those of the shipped map, from bin to bin. "
+    "A gas of {n} neurons learns the general ones; *extended*: it then sees the task's motions and grows by {n} neurons; *from scratch*: a gas of {both} "
+    "neurons learns both at once, or {both} the task alone. Old task: {q} questions of the set “off_task”; new task: {q} of the set “task”; by our rules. "
+    "SOM and γ-SOM cannot be extended: their lattice has a fixed size, and `partial_fit` says so."
+)
+
+
+@dataclass(frozen=True)
+class Learned:
+    """One map: seconds of training, quantisation errors in rad, questions solved of those asked."""
+
+    name: str
+    n_neurons: int
+    training_s: float
+    general_error_rad: float
+    task_error_rad: float
+    n_old: int
+    n_new: int
+    n_asked: int
+
+
+def measure(study: Study) -> Outcome:
+    """Base, extended, and both ways from scratch."""
+    n, m = study.scale.extend_neurons, study.scale.n_extend_scenes
+    general, task = _general_samples(study), study.samples.q_rad
+    both = np.vstack([general, task])
+    base = _kept(study, "general", [n], lambda: _fit(study, general, n))
+    maps = {
+        "general only": base,
+        "extended by the task": _kept(study, "extended", [n], lambda: _extend(study, base, task, 2 * n)),
+        "from scratch, both": _kept(study, "scratch-both", [2 * n], lambda: _fit(study, both, 2 * n)),
+        "from scratch, task only": _kept(study, "scratch-task", [2 * n], lambda: _fit(study, task, 2 * n)),
+    }
+    old, new = study.scenes(m, "off_task"), study.scenes(m)
+    learned = []
+    for name, kept in maps.items():
+        errors = [quantisation_error_rad(kept.learned, samples) for samples in (general, task)]
+        solved = [_solved(study, kept, questions, name) for questions in (old, new)]
+        learned.append(Learned(name, kept.learned.n_neurons, kept.seconds["training"], *errors, *solved, m))
+    rows = [
+        [
+            k.name,
+            str(k.n_neurons),
+            f"{k.training_s:.1f}",
+            f"{k.general_error_rad:.3f}",
+            f"{k.task_error_rad:.3f}",
+            share(k.n_old, m),
+            share(k.n_new, m),
+        ]
+        for k in learned
+    ]
+    columns = (
+        "map",
+        "neurons",
+        "training, s",
+        "error on general motions, rad",
+        "error on the task, rad",
+        "old task solved",
+        "new task solved",
+    )
+    note = "Training: seconds of learning alone, without motions and table, when the map was made. Error: mean distance of samples to their best match."
+    return Outcome(
+        INTRO.format(n=n, both=2 * n, q=m),
+        rows=[{"row": k.name, **msgspec.to_builtins(k)} for k in learned],
+        tables=[Table("Extended and from scratch", columns, rows, note)],
+        verdicts=[_verdict(learned)],
+        data=learned,
+    )
+
+
+def _general_samples(study: Study) -> F64:
+    n = study.scale.extend_neurons
+    scene = study.job.scene
+    paths = (
+        _general_motion(scene, np.random.SeedSequence(study.config.motions.seed, spawn_key=(STREAM, k))) for k in range(n // GENERAL_SHARE)
+    )
+    found = study.once("general motions", lambda: list(study.shown(paths, "general motions", n // GENERAL_SHARE)))
+    return resample([path for path in found if path is not None], SAMPLES_A_NEURON * n).q_rad
+
+
+def _general_motion(scene: Scene, sequence: np.random.SeedSequence) -> F64 | None:
+    """A motion between two random free joint vectors; None if none was found."""
+    rng, state = np.random.default_rng(sequence), sequence.spawn(1)[0].generate_state(4, np.uint64).astype(np.uint64)
+    planner = scene.planner(RrtParameters(shortcuts=10))
+    world = scene.world(planner, np.empty(0, dtype=np.int32))
+    low, high = scene.robot.position_min_rad, scene.robot.position_max_rad
+    for _ in range(ATTEMPTS):
+        path = planner.plan(world, rng.uniform(low, high), rng.uniform(low, high), state)
+        if path is not None:
+            return planner.simplify(world, path, state)
+    return None
+
+
+def _fit(study: Study, samples: F64, n_neurons: int) -> CognitiveMap:
+    gas = GrowingNeuralGas(gas_parameters(study.config.map), n_neurons)
+    starts = np.zeros(1, dtype=np.int64)  # a gas has no memory
+    return gas.fit(samples, starts, study.config.map.seed, lambda done: study.tell("gas", done)).to_map()
+
+
+def _extend(study: Study, base: KeptMap, samples: F64, n_neurons: int) -> CognitiveMap:
+    """The base shown the task's samples, until it has grown; a gas inserts once in so many signals, a quarter more for those that die."""
+    config = study.config
+    gas = GrowingNeuralGas.of_map(base.learned, gas_parameters(config.map), n_neurons, samples)
+    n_signals = max(config.extend.rounds * len(samples), config.map.insert_every * (n_neurons - base.learned.n_neurons) * 5 // 4)
+    return gas.partial_fit(samples, config.extend.seed, n_signals).to_map()
+
+
+def _kept(study: Study, name: str, inputs: list[int], learn: Callable[[], CognitiveMap]) -> KeptMap:
+    began_s = time.monotonic()
+    kept = kept_map(study.job, name, [STREAM, *inputs, study.config.map.seed, len(study.samples.q_rad)], learn, study.tell)
+    study.tell(f"{name}: {time.monotonic() - began_s:.0f} s", None)
+    return kept
+
+
+def _solved(study: Study, kept: KeptMap, questions: Sequence[Question], name: str) -> int:
+    parts = study.on(kept.roadmap("gng"))
+    planner, variant = parts.motion_planner(), Variant("gng", "dijkstra", True, "checked")
+    return sum(answer(parts, planner, question, variant).solved for question in study.shown(questions, name, len(questions)))
+
+
+def _verdict(learned: Sequence[Learned]) -> Verdict:
+    by = {k.name: k for k in learned}
+    base, extended, scratch = by["general only"], by["extended by the task"], by["from scratch, both"]
+    faster, keeps, gains = extended.training_s < scratch.training_s, extended.n_old >= base.n_old, extended.n_new > base.n_new
+    good = [faster, keeps, gains]
+    holds: Holds = UNDECIDED if extended.n_asked < 10 else HOLDS if all(good) else IN_PART if any(good) else NOT
+    said = (
+        f"extension {extended.training_s:.1f} s against {scratch.training_s:.1f} s; error on the task {extended.task_error_rad:.3f} rad against "
+        f"{scratch.task_error_rad:.3f}; old task {base.n_old} of {base.n_asked} before, {extended.n_old} after, {scratch.n_old} from scratch; new task "
+        f"{base.n_new} before, {extended.n_new} after, {scratch.n_new} from scratch"
+    )
+    word = "*Holds* means: faster than training anew on both, nothing of the old task lost, and more of the new one solved than before."
+    return Verdict("A gas can be extended by a new task", NOT_AT_HAND, said, holds, word)
