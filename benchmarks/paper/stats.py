@@ -5,14 +5,16 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.stats import binomtest, wilcoxon
 
 __all__ = ["mean_sigma", "median", "paired", "percentile", "share", "sign_word"]
 
+Values = Sequence[float] | NDArray[np.float64]
 NOTHING = "–"
 
 
-def mean_sigma(values: Sequence[float], digits: int = 2) -> str:
+def mean_sigma(values: Values, digits: int = 2) -> str:
     """``mean ± sample standard deviation``; a dash for nothing."""
     if not len(values):
         return NOTHING
@@ -20,12 +22,12 @@ def mean_sigma(values: Sequence[float], digits: int = 2) -> str:
     return f"{float(np.mean(values)):.{digits}f} ± {sigma:.{digits}f}"
 
 
-def median(values: Sequence[float], digits: int = 2) -> str:
+def median(values: Values, digits: int = 2) -> str:
     """The median; a dash for nothing."""
     return percentile(values, 50.0, digits)
 
 
-def percentile(values: Sequence[float], percent: float, digits: int = 2) -> str:
+def percentile(values: Values, percent: float, digits: int = 2) -> str:
     """A percentile; a dash for nothing."""
     return f"{float(np.percentile(values, percent)):.{digits}f}" if len(values) else NOTHING
 
@@ -38,7 +40,7 @@ def share(part: int, whole: int) -> str:
     return f"{part} of {whole} ({100 * interval.low:.0f}–{100 * interval.high:.0f} %)"
 
 
-def paired(a: Sequence[float], b: Sequence[float]) -> tuple[float, int, float]:
+def paired(a: Values, b: Values) -> tuple[float, int, float]:
     """Of pairs (a, b): median of a / b, how many a are smaller, and Wilcoxon's two-sided p that neither tends to be; p = 1 without data."""
     first, second = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     if not len(first):

@@ -22,8 +22,10 @@ INTRO = (
     "One question (start, goal, boxes) is put to each map by each algorithm, {n} times from an empty world, as in the paper. The same "
     "question gives the same path each time, so the spread is the clock's. *Path* is all from changed cells to a path on the map; *answer* "
     "is all until a timed motion may be sent (raw: a stop at each corner). By the paper's rules start and goal snap to their best matches, "
-    "neurons alone are blocked, and a smoothed path is taken if its best matches are free. By ours edges are blocked too and the very curve "
-    "that would be driven is checked. Where no smooth curve is accepted (*rejected*) the raw path is driven. The second table puts {scenes} scenes to each; its last column is coal's word at steps of 1/256 rad, "
+    "neurons alone are blocked, and a smoothed path is taken if its best matches are free. By ours edges are blocked too and the "
+    "very curve "
+    "that would be driven is checked. Where no smooth curve is accepted (*rejected*) the raw path is driven. The second table "
+    "puts {scenes} scenes to each; its last column is coal's word at steps of 1/256 rad, "
     "on true shapes, without any margin."
 )
 
@@ -40,8 +42,8 @@ def measure(study: Study) -> Outcome:
         f"One question (no. {question.index} of the set “task”), {study.scale.n_runs} runs",
         ONE,
         [_row_of_one(variant, runs_of, verdict[variant]) for variant, runs_of in repeats.items()],
-        f"mean ± σ of {study.scale.n_runs}. The paper's table has five rows; which rows its {known('search_ms')} and {known('smoothed_ms')} "
-        "belong to is not at hand: they stand beside GNG with Dijkstra, the algorithm of its demonstrator. Its machine is not at hand either.",
+        f"mean ± σ of {study.scale.n_runs}. The paper's table has five rows; which rows its {known('search_ms')} and "
+        f"{known('smoothed_ms')} belong to is not at hand: they stand beside GNG with Dijkstra. Its machine is not at hand either.",
     )
     many = Table(
         f"{study.scale.n_scenes} scenes, one run each",

@@ -1,7 +1,7 @@
 """The bit-encoded table that the paper's outlook names (Wu 2005), as we read it: for each cell one bit a neuron.
 
-Blocked is the bitwise or of the occupied cells' rows. Wu's text was not at hand; this is the plain form of the idea, with rows only for cells
-that block anything. A bit cannot count: when a cell becomes free, all rows are read anew.
+Blocked is the bitwise or of the occupied cells' rows. Wu's text was not at hand; this is the plain form of the idea, with rows only for
+cells that block anything. A bit cannot count: when a cell becomes free, all rows are read anew.
 """
 
 from __future__ import annotations

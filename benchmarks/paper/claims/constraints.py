@@ -35,7 +35,8 @@ KEPT_DEG = 10.0  # our choice: a plan within so much keeps the orientation, as a
 BOX_MIN_M, BOX_MAX_M, SPREAD_M = 0.08, 0.18, 0.06  # of the one box near the way; our choice
 DRAWS = 40
 INTRO = (
-    "{motions} motions from bin to bin with the tool straight down all the way (turning about the vertical is free) train a gas of {neurons} neurons; "
+    "{motions} motions from bin to bin with the tool straight down all the way (turning about the vertical is free) train a gas "
+    "of {neurons} neurons; "
     "nothing else says that the tool is to stay upright. No edges are added to it afterwards. {plans} plans between poses with the tool "
     "straight down, a box near the way in each, on this map and on the shipped one, which knows nothing of uprightness. Tilt: angle "
     "between the tool's axis and straight down, looked at every 1/64 rad along what would be driven, so between neurons too."
@@ -81,7 +82,8 @@ def measure(study: Study) -> Outcome:
         [tilt_deg(study.gng.robot, np.linspace(motions.neurons_rad[a], motions.neurons_rad[b], 5)) for a, b in motions.edges]
     )
     note = (
-        f"Along the edges of the constrained map themselves (5 looks each): p95 {percentile(edges, 95, 1)}°, max {float(edges.max()):.1f}°. By our rules a "
+        f"Along the edges of the constrained map themselves (5 looks each): p95 {percentile(edges, 95, 1)}°, max "
+        f"{float(edges.max()):.1f}°. By our rules a "
         "free straight joint line is preferred to the map, and corners are cut: both leave what the data taught."
     )
     raw = [{"row": f"{t.map_name} {t.how}", "plan": k, "worst_tilt_deg": worst} for t in found for k, worst in enumerate(t.worst_deg)]
@@ -151,5 +153,8 @@ def _verdict(found: Sequence[Tilts]) -> Verdict:
         for t in raw.values()
         if t.worst_deg
     )
-    word = f"*Holds* means: every plan within {KEPT_DEG:.0f}° and not so without the data. Search on the map, by the paper's rules, raw; the table has the rest."
+    word = (
+        f"*Holds* means: every plan within {KEPT_DEG:.0f}° and not so without the data. Meant are raw paths by the paper's rules; the "
+        "table has the rest."
+    )
     return Verdict("Constraints can be taught by data: plans keep the wrist's orientation", NOT_AT_HAND, said, holds, word)

@@ -31,9 +31,12 @@ SAMPLES_A_NEURON = 5  # as for the shipped map: 50 000 samples for 10 000 neuron
 GENERAL_SHARE = 6  # neurons for each general motion; our choice, as many samples a motion as the task has
 ATTEMPTS = 50
 INTRO = (
-    "General motions: RRTConnect between random free joint vectors, without obstacles. Task motions: those of the shipped map, from bin to bin. "
-    "A gas of {n} neurons learns the general ones; *extended*: it then sees the task's motions and grows by {n} neurons; *from scratch*: a gas of {both} "
-    "neurons learns both at once, or {both} the task alone. Old task: {q} questions of the set “off_task”; new task: {q} of the set “task”; by our rules. "
+    "General motions: RRTConnect between random free joint vectors, without obstacles. Task motions: those of the shipped map, "
+    "from bin to bin. "
+    "A gas of {n} neurons learns the general ones; *extended*: it then sees the task's motions and grows by {n} neurons; *from "
+    "scratch*: a gas of {both} "
+    "neurons learns both at once, or {both} the task alone. Old task: {q} questions of the set “off_task”; new task: {q} of the "
+    "set “task”; by our rules. "
     "SOM and γ-SOM cannot be extended: their lattice has a fixed size, and `partial_fit` says so."
 )
 
@@ -67,9 +70,18 @@ def measure(study: Study) -> Outcome:
     old, new = study.scenes(m, "off_task"), study.scenes(m)
     learned = []
     for name, kept in maps.items():
-        errors = [quantisation_error_rad(kept.learned, samples) for samples in (general, task)]
-        solved = [_solved(study, kept, questions, name) for questions in (old, new)]
-        learned.append(Learned(name, kept.learned.n_neurons, kept.seconds["training"], *errors, *solved, m))
+        learned.append(
+            Learned(
+                name,
+                n_neurons=kept.learned.n_neurons,
+                training_s=kept.seconds["training"],
+                general_error_rad=quantisation_error_rad(kept.learned, general),
+                task_error_rad=quantisation_error_rad(kept.learned, task),
+                n_old=_solved(study, kept, old, name),
+                n_new=_solved(study, kept, new, name),
+                n_asked=m,
+            )
+        )
     rows = [
         [
             k.name,
@@ -91,7 +103,10 @@ def measure(study: Study) -> Outcome:
         "old task solved",
         "new task solved",
     )
-    note = "Training: seconds of learning alone, without motions and table, when the map was made. Error: mean distance of samples to their best match."
+    note = (
+        "Training: seconds of learning alone, without motions and table, when the map was made. Error: mean distance of samples to their "
+        "best match."
+    )
     return Outcome(
         INTRO.format(n=n, both=2 * n, q=m),
         rows=[{"row": k.name, **msgspec.to_builtins(k)} for k in learned],
@@ -158,8 +173,10 @@ def _verdict(learned: Sequence[Learned]) -> Verdict:
     good = [faster, keeps, gains]
     holds: Holds = UNDECIDED if extended.n_asked < 10 else HOLDS if all(good) else IN_PART if any(good) else NOT
     said = (
-        f"extension {extended.training_s:.1f} s against {scratch.training_s:.1f} s; error on the task {extended.task_error_rad:.3f} rad against "
-        f"{scratch.task_error_rad:.3f}; old task {base.n_old} of {base.n_asked} before, {extended.n_old} after, {scratch.n_old} from scratch; new task "
+        f"extension {extended.training_s:.1f} s against {scratch.training_s:.1f} s; error on the task "
+        f"{extended.task_error_rad:.3f} rad against "
+        f"{scratch.task_error_rad:.3f}; old task {base.n_old} of {base.n_asked} before, {extended.n_old} after, {scratch.n_old} "
+        "from scratch; new task "
         f"{base.n_new} before, {extended.n_new} after, {scratch.n_new} from scratch"
     )
     word = "*Holds* means: faster than training anew on both, nothing of the old task lost, and more of the new one solved than before."

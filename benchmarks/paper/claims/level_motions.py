@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
@@ -109,7 +111,7 @@ class LevelMotions:
         return None
 
     def _is_free(self, path: F64) -> bool:
-        return all(self._checker.segment(self._nothing, a, b) for a, b in zip(path[:-1], path[1:], strict=True))
+        return all(self._checker.segment(self._nothing, a, b) for a, b in pairwise(path))
 
 
 def _pose(place: F64, turn_rad: float) -> F64:
@@ -121,7 +123,7 @@ def _pose(place: F64, turn_rad: float) -> F64:
 
 def _way(places: list[F64], turn_from: float, turn_to: float) -> list[F64]:
     """Tool poses along the straight pieces between places, the turn changing evenly."""
-    lengths = [float(np.linalg.norm(b - a)) for a, b in zip(places[:-1], places[1:], strict=True)]
+    lengths = [float(np.linalg.norm(b - a)) for a, b in pairwise(places)]
     n = int(np.ceil(max(sum(lengths) / STEP_M, abs(turn_to - turn_from) / STEP_TURN_RAD))) + 1
     along = np.concatenate([[0.0], np.cumsum(lengths)])
     s = np.linspace(0.0, along[-1], n)

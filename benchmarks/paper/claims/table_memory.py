@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,9 +25,12 @@ I32 = NDArray[np.int32]
 REPEATS = 5  # of each query; the fastest counts: the others were interrupted
 MB = 1e6
 INTRO = (
-    "Ours: for each cell a list of the neurons it blocks (uint16), and of the edges it blocks beyond their ends; a count a neuron says how many "
-    "occupied cells block it, so that cells may come and go one by one. Bit-encoded (Wu 2005, named in the paper's outlook; its text was not at hand, "
-    "so this is the plain form of the idea): for each cell that blocks anything one bit a neuron; blocked is the bitwise or of the rows of all occupied "
+    "Ours: for each cell a list of the neurons it blocks (uint16), and of the edges it blocks beyond their ends; a count a "
+    "neuron says how many "
+    "occupied cells block it, so that cells may come and go one by one. Bit-encoded (Wu 2005, named in the paper's outlook; its "
+    "text was not at hand, "
+    "so this is the plain form of the idea): for each cell that blocks anything one bit a neuron; blocked is the bitwise or of "
+    "the rows of all occupied "
     "cells, read anew whenever a cell goes. Both by compiled code (numba; numpy's reduce). *Appear*: the boxes of {n} questions come into "
     "an empty world. *Move*: they go on by one cell (2 cm). Both tables give the same blocked neurons in every query, or this part fails."
 )
@@ -103,8 +107,8 @@ def _query(parts: Parts, bits: BitTable, question: Question, memory: Memory) -> 
     there, moved = _cells(parts, question.boxes_m), _cells(parts, question.boxes_m + np.array([parts.grid.resolution_m, 0.0, 0.0]))
     counts = BlockedCounts(parts.roadmap.table, parts.roadmap.n_neurons, parts.roadmap.n_edges)
     for what, before, after in (("appear", nothing, there), ("move", there, moved)):
-        memory.add(f"ours {what}", _fastest(lambda before=before: counts.set_cells(before), lambda after=after: counts.set_cells(after)))
-        memory.add(f"bits {what}", _fastest(lambda: None, lambda after=after: bits.blocked_words(after)))
+        memory.add(f"ours {what}", _fastest(partial(counts.set_cells, before), partial(counts.set_cells, after)))
+        memory.add(f"bits {what}", _fastest(list, partial(bits.blocked_words, after)))
         if not np.array_equal(bits.blocked(after), counts.node > 0):
             raise AssertionError(f"question {question.index}: the bit-encoded table blocks other neurons than ours")
 
@@ -146,9 +150,13 @@ def _smaller(sizes: list[Memory]) -> Verdict:
     smaller = ratio < 1.0
     holds = HOLDS if smaller and faster else IN_PART if smaller or faster else NOT
     said = (
-        f"at {largest.n_neurons} neurons {largest.bit_bytes / MB:.0f} MB of bits against {largest.ours_node_bytes / MB:.0f} MB of lists (neurons only); "
+        f"at {largest.n_neurons} neurons {largest.bit_bytes / MB:.0f} MB of bits against {largest.ours_node_bytes / MB:.0f} MB of "
+        "lists (neurons only); "
         f"appear {median(largest.us['bits appear'], 0)} µs against {median(largest.us['ours appear'], 0)} µs, "
         f"move {median(largest.us['bits move'], 0)} µs against {median(largest.us['ours move'], 0)} µs"
     )
-    word = "A bit a neuron pays when a cell blocks more than one neuron in sixteen; a list of uint16 pays below that. Ours also keep edges and counts."
+    word = (
+        "A bit a neuron pays when a cell blocks more than one neuron in sixteen; a list of uint16 pays below that. Ours also keep edges "
+        "and counts."
+    )
     return Verdict("A bit-encoded table saves memory and time (the paper's outlook)", NOT_AT_HAND, said, holds, word)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,7 +66,7 @@ def tool_way(robot: RobotModel, path_rad: F64) -> F64:
     """(K, 3) positions of the tool along a path (P, J), close enough together to look smooth."""
     if len(path_rad) == 0:
         return np.empty((0, 3))
-    parts = [np.linspace(a, b, 12, endpoint=False) for a, b in zip(path_rad[:-1], path_rad[1:], strict=True)]
+    parts = [np.linspace(a, b, 12, endpoint=False) for a, b in pairwise(path_rad)]
     poses = robot.joint_poses(np.vstack([*parts, path_rad[-1:]]))[:, -1] @ robot.T_joint_tool
     return np.asarray(poses[:, :3, 3])
 
@@ -97,7 +98,7 @@ def _bitmap(study: Study, model: str) -> tuple[Bitmap, dict[str, str | float]]:
     unit = study.lattice_unit(model)
     side = study.scale.lattice_side if unit is not None else math.ceil(math.sqrt(roadmap.n_neurons))
     place = lattice_places(unit, side) if unit is not None else lay_out(roadmap, side)
-    ways = [tool_way(parts.robot, got.path_rad) for got in (raw, smooth)]
+    raw_m, smoothed_m = (tool_way(parts.robot, got.path_rad) for got in (raw, smooth))
     along = along[np.concatenate([[True], np.diff(along) != 0])] if len(along) else along
     row: dict[str, str | float] = {
         "model": model,
@@ -108,4 +109,4 @@ def _bitmap(study: Study, model: str) -> tuple[Bitmap, dict[str, str | float]]:
         "length_smoothed_rad": smooth.length_rad,
         "edge_px": mean_edge_px(roadmap, place),
     }
-    return Bitmap(model, side, place, counts.node > 0, raw.neurons, along, *ways, smooth.fell_back), row
+    return Bitmap(model, side, place, counts.node > 0, raw.neurons, along, raw_m, smoothed_m, smooth.fell_back), row

@@ -19,7 +19,8 @@ __all__ = ["SPACE_M", "draw"]
 
 SPACE_M = ((0.0, 0.6), (-0.5, 0.5), (0.0, 0.6))
 CAPTION = (
-    "Cognitive maps among the boxes of the question: blocked neurons red, path blue (start: circle, goal: square), raw and smoothed (where no smoothed curve has free best matches, it is rejected and the raw path kept); right: "
+    "Cognitive maps among the boxes of the question: blocked neurons red, path blue (start: circle, goal: square), raw and "
+    "smoothed (where no smoothed curve has free best matches, it is rejected and the raw path kept); right: "
     "the tool's way in space, raw thin and smoothed bold."
 )
 

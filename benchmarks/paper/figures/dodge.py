@@ -23,9 +23,12 @@ __all__ = ["Series", "measure"]
 
 RECORD = "data/dodge-record.npz"
 INTRO = (
-    "The whole stack runs in simulation (four depth cameras, perception, planner, robot; nobody reads the ground truth) while a hand and boxes come in "
-    "the way. Of all new ways taken in motion during {seconds} the one that bends most from the way before is shown, from what passed on the bus: "
-    "voxels seen by the cameras yellow, path planned at that moment green, path driven so far cyan. The paper's photo series shows the same on the "
+    "The whole stack runs in simulation (four depth cameras, perception, planner, robot; nobody reads the ground truth) while a "
+    "hand and boxes come in "
+    "the way. Of all new ways taken in motion during {seconds} the one that bends most from the way before is shown, from what "
+    "passed on the bus: "
+    "voxels seen by the cameras yellow, path planned at that moment green, path driven so far cyan. The paper's photo series "
+    "shows the same on the "
     "real arm; it replans at least every {tick} and says {replan} for it."
 )
 
@@ -40,8 +43,11 @@ class Series:
 def measure(study: Study) -> Outcome:
     """Run the stack and record, or read what was recorded."""
     arm = Arm(load_robot(study.cell.robot))
+    dodge: Dodge | None
+    figures: dict[str, float | None] = {}
+    seconds = "a recorded run"
     if study.stack.recorded is not None:
-        dodge, figures, seconds = read_dodge(study.stack.recorded), {}, "a recorded run"
+        dodge = read_dodge(study.stack.recorded)
     else:
         dodge, figures = _record(study, arm)
         seconds = f"{study.scale.dodge_s:.0f} s"

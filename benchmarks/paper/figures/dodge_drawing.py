@@ -15,7 +15,10 @@ from clients.demo.picture import draw_into
 __all__ = ["draw"]
 
 COLUMNS = 3
-CAPTION = "One dodge in the running stack: cells seen by the cameras yellow, planned path green, driven path cyan. Seconds after the new way came."
+CAPTION = (
+    "One dodge in the running stack: cells seen by the cameras yellow, planned path green, driven path cyan; seconds after the new way "
+    "came."
+)
 
 
 def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:

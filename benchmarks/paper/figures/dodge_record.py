@@ -108,7 +108,12 @@ def write_dodge(dodge: Dodge, path: Path) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     arrays = {"at_s": np.array(dodge.at_s), "bend_m": np.array(dodge.bend_m), "resolution_m": np.array(dodge.photos[0].resolution_m)}
     for k, photo in enumerate(dodge.photos):
-        arrays |= {f"q_{k}": photo.q_rad, f"cells_{k}": photo.cells_m, f"planned_{k}": photo.planned_q_rad, f"driven_{k}": photo.driven_q_rad}
+        arrays |= {
+            f"q_{k}": photo.q_rad,
+            f"cells_{k}": photo.cells_m,
+            f"planned_{k}": photo.planned_q_rad,
+            f"driven_{k}": photo.driven_q_rad,
+        }
     with path.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **arrays)
 

@@ -9,7 +9,7 @@ from scipy.sparse.linalg import eigsh
 
 from services.planner.core.roadmap import Roadmap
 
-__all__ = ["lay_out", "lattice_places", "mean_edge_px"]
+__all__ = ["lattice_places", "lay_out", "mean_edge_px"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]

@@ -1,0 +1,78 @@
+"""Verdicts follow from numbers: turned round, they turn round."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from benchmarks.paper.claims.big_obstacles import EDGES_M, Fall
+from benchmarks.paper.claims.big_obstacles import _verdict as verdict_on_obstacles
+from benchmarks.paper.claims.big_obstacles_drawing import failed_share
+from benchmarks.paper.claims.pairs import Pair, holds_of, together
+from benchmarks.paper.claims.smoothing_cost import _costliest
+from benchmarks.paper.outcome import HOLDS, IN_PART, NOT, UNDECIDED
+from benchmarks.paper.stats import mean_sigma, paired, share
+
+LONG = tuple(float(v) for v in np.linspace(4.0, 6.0, 20))
+SHORT = tuple(0.8 * v for v in LONG)
+
+
+def test_shorter_paths_hold_and_longer_ones_do_not() -> None:
+    assert holds_of(Pair("", SHORT, LONG)) == HOLDS
+    assert holds_of(Pair("", LONG, SHORT)) == NOT
+    assert holds_of(Pair("", LONG, LONG)) == UNDECIDED
+    assert holds_of(Pair("", (), ())) == UNDECIDED
+
+
+def test_few_scenes_decide_nothing() -> None:
+    assert holds_of(Pair("", SHORT[:3], LONG[:3])) == UNDECIDED
+
+
+def test_several_comparisons_become_one_word() -> None:
+    assert together([HOLDS, HOLDS]) == HOLDS
+    assert together([HOLDS, NOT]) == IN_PART
+    assert together([HOLDS, UNDECIDED]) == IN_PART
+    assert together([NOT, UNDECIDED]) == NOT
+    assert together([UNDECIDED]) == UNDECIDED
+
+
+def falls(gamma_som_fails_at_m: float, gng_fails_at_m: float, n: int = 12) -> list[Fall]:
+    edges = {"gamma_som": gamma_som_fails_at_m, "gng": gng_fails_at_m}
+    last = EDGES_M[-1]
+    return [
+        Fall(scene, "paper", model, min(edge_m, last), 0.5, "no_path" if math.isfinite(edge_m) else "")
+        for scene in range(n)
+        for model, edge_m in edges.items()
+    ]
+
+
+def test_who_fails_at_the_smaller_cube_fails_more_often() -> None:
+    assert verdict_on_obstacles(falls(0.12, 0.4), "paper").holds == HOLDS
+    assert verdict_on_obstacles(falls(0.12, math.inf), "paper").holds == HOLDS
+    assert verdict_on_obstacles(falls(0.4, 0.12), "paper").holds == NOT
+    assert verdict_on_obstacles(falls(0.2, 0.2), "paper").holds == UNDECIDED
+
+
+def test_scenes_that_end_without_a_failure_do_not_count_as_one() -> None:
+    assert failed_share([Fall(0, "paper", "gng", EDGES_M[3], 0.1, "")])[-1] == 0.0
+    assert failed_share([Fall(0, "paper", "gng", EDGES_M[3], 0.1, "no_path")])[2:4] == [0.0, 1.0]
+
+
+def test_smoothing_is_costliest_only_if_no_other_step_takes_longer() -> None:
+    stages = {"update": [1.0], "search": [2.0], "smooth": [1.5], "verify": [1.0], "time": [9.0]}
+    assert _costliest(stages) is True
+    assert _costliest({**stages, "search": [3.0]}) is False
+    assert _costliest({stage: [] for stage in stages}) is None
+
+
+def test_numbers_become_words() -> None:
+    assert mean_sigma([1.0, 3.0]) == "2.00 ± 1.41"
+    assert mean_sigma([]) == "–"
+    assert share(5, 10).startswith("5 of 10 (19–81")
+    assert share(0, 0) == "–"
+    ratio, n_less, p = paired(SHORT, LONG)
+    assert ratio == pytest.approx(0.8)
+    assert n_less == 20
+    assert p < 1e-3
