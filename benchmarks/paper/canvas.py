@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from benchmarks.paper.outcome import Figure
 from common.robot.solids import box_mesh
 
-__all__ = ["COLOURS", "add_boxes", "new_drawing", "plots", "save", "space_axes"]
+__all__ = ["COLOURS", "add_boxes", "new_drawing", "plots", "save", "space_axes", "style"]
 
 F64 = NDArray[np.float64]
 DPI = 130  # sharp on a screen, about 100 kB a figure
@@ -48,33 +49,34 @@ STYLE = {
 }
 
 
-def new_drawing(width_in: float, height_in: float) -> Drawing:
-    """An empty drawing in the common style, laid out without overlaps."""
-    with mpl.rc_context(STYLE):
-        drawing = Drawing(figsize=(width_in, height_in), dpi=DPI, layout="constrained")
+def style() -> AbstractContextManager[None]:
+    """Within it everything is drawn in the common style."""
+    return mpl.rc_context(STYLE)
+
+
+def new_drawing(width_in: float, height_in: float, layout: Literal["constrained", "none"] = "constrained") -> Drawing:
+    """An empty drawing, laid out without overlaps unless its axes are placed by hand (``none``)."""
+    drawing = Drawing(figsize=(width_in, height_in), dpi=DPI, layout=layout)
     FigureCanvasAgg(drawing)
     return drawing
 
 
 def plots(drawing: Drawing, rows: int, columns: int, **options: Any) -> Any:
-    """(rows, columns) array of axes in the common style."""
-    with mpl.rc_context(STYLE):
-        return drawing.subplots(rows, columns, squeeze=False, **options)
+    """(rows, columns) array of axes."""
+    return drawing.subplots(rows, columns, squeeze=False, **options)
 
 
 def save(drawing: Drawing, folder: Path, stem: str, caption: str) -> Figure:
     """Write ``<stem>.png`` and ``<stem>.svg``."""
     folder.mkdir(parents=True, exist_ok=True)
-    with mpl.rc_context(STYLE):
-        drawing.savefig(folder / f"{stem}.png")
-        drawing.savefig(folder / f"{stem}.svg", metadata={"Date": None})
+    drawing.savefig(folder / f"{stem}.png")
+    drawing.savefig(folder / f"{stem}.svg", metadata={"Date": None})
     return Figure(stem, caption)
 
 
 def space_axes(drawing: Drawing, place: Any, title: str, limits_m: tuple[tuple[float, float], ...]) -> Any:
     """3-D axes in metres, equal scales, seen from the front right."""
-    with mpl.rc_context(STYLE):
-        axes: Any = drawing.add_subplot(place, projection="3d", computed_zorder=False)
+    axes: Any = drawing.add_subplot(place, projection="3d", computed_zorder=False)
     axes.set(xlim=limits_m[0], ylim=limits_m[1], zlim=limits_m[2], xlabel="x, m", ylabel="y, m", zlabel="z, m")
     axes.set_box_aspect([high - low for low, high in limits_m], zoom=0.9)
     axes.view_init(elev=24.0, azim=-28.0)

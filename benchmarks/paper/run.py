@@ -6,6 +6,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from benchmarks.paper.canvas import style
 from benchmarks.paper.experiment import Experiment
 from benchmarks.paper.registry import experiment
 from benchmarks.paper.report.section import Section, write_section
@@ -27,7 +28,8 @@ def _run(study: Study, part: Experiment, out: Path) -> Section:
     outcome = part.measure(study)
     seconds = time.monotonic() - began_s
     study.tell("drawing", None)
-    figures = part.draw(outcome, out / FIGURES) if part.draw is not None else []
+    with style():
+        figures = part.draw(outcome, out / FIGURES) if part.draw is not None else []
     section = Section.of(
         part,
         outcome,

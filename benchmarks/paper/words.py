@@ -8,7 +8,7 @@ __all__ = ["ALGORITHM", "MODEL", "RULES_WORD", "yes_no"]
 
 MODEL = {"som": "SOM", "gamma_som": "γ-SOM", "gng": "GNG"}
 ALGORITHM = {"wavefront": "wavefront", "dijkstra": "Dijkstra", "astar": "A*", "bidirectional": "bidirectional Dijkstra"}
-RULES_WORD = {"paper": "paper's", "checked": "checked (ours)"}
+RULES_WORD = {"paper": "paper's", "checked": "our"}
 PEER = {"ompl_prm": "PRM", "ompl_rrt": "RRT", "ompl_rrt_connect": "RRTConnect"}
 
 

@@ -29,7 +29,7 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
     """One figure of three panels."""
     e: Example = outcome.data
     drawing = new_drawing(11.5, 4.0)
-    plane, row, whole = plots(drawing, 1, 3)[0]
+    plane, row, whole = plots(drawing, 1, 3, width_ratios=(1.5, 1.0, 1.0))[0]
     _draw_plane(plane, e)
     x, y = ROW_CELL
     one = np.zeros(len(e.neurons_rad), dtype=bool)
