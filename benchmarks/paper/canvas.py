@@ -54,8 +54,8 @@ def style() -> AbstractContextManager[None]:
     return mpl.rc_context(STYLE)
 
 
-def new_drawing(width_in: float, height_in: float, layout: Literal["constrained", "none"] = "constrained") -> Drawing:
-    """An empty drawing, laid out without overlaps unless its axes are placed by hand (``none``)."""
+def new_drawing(width_in: float, height_in: float, layout: Literal["constrained"] | None = "constrained") -> Drawing:
+    """An empty drawing, laid out without overlaps unless its axes are placed by hand (None)."""
     drawing = Drawing(figsize=(width_in, height_in), dpi=DPI, layout=layout)
     FigureCanvasAgg(drawing)
     return drawing

@@ -1,4 +1,4 @@
-"""Motions that keep the tool upright: straight ways of the tool in space, joints following by inverse kinematics."""
+"""Motions that keep the direction of the tool: straight ways of the tool in space, joints following by inverse kinematics."""
 
 from __future__ import annotations
 
@@ -29,17 +29,22 @@ ATTEMPTS = 60  # draws until a motion succeeds
 DOWN = Rotation.from_euler("x", np.pi)
 
 
-def tilt_deg(robot: RobotModel, q_rad: F64) -> F64:
-    """(K,) angle in degrees between the tool's axis and straight down for (K, J) joint vectors."""
+def tilt_deg(robot: RobotModel, q_rad: F64, lean_deg: float) -> F64:
+    """(K,) angle in degrees between the tool's axis and the direction that is to be kept, for (K, J) joint vectors."""
     poses = robot.joint_poses(np.ascontiguousarray(q_rad))[:, -1] @ robot.T_joint_tool
-    return np.asarray(np.degrees(np.arccos(np.clip(-poses[:, 2, 2], -1.0, 1.0))))
+    wanted = _lean(lean_deg).apply([0.0, 0.0, -1.0])
+    return np.asarray(np.degrees(np.arccos(np.clip(poses[:, :3, 2] @ wanted, -1.0, 1.0))))
 
 
 class LevelMotions:
-    """Draws places, poses and motions with the tool straight down, turned about the vertical; all on the branch nearest to home."""
+    """Draws places, poses and motions whose tool axis keeps one direction of the world; all on the branch nearest to home.
 
-    def __init__(self, study: Study) -> None:
+    ``lean_deg``: from straight down towards +y. The tool may turn about its axis.
+    """
+
+    def __init__(self, study: Study, lean_deg: float) -> None:
         parts = study.gng
+        self.lean_deg = lean_deg
         self._robot = parts.robot
         self._motions = parts.config.motions
         self._checker: Checker = parts.checker()
@@ -50,9 +55,10 @@ class LevelMotions:
         self._T_joint_tool = pin.SE3(parts.robot.T_joint_tool)
 
     def pose(self, rng: np.random.Generator, region: RegionConfig) -> tuple[F64, float, F64] | None:
-        """A place (3,) in the region, a turn about the vertical, and the free joint vector (J,) nearest to home; None if there is none."""
+        """A place (3,) in the region, a turn about the tool's axis, and the free joint vector (J,) nearest to home; None if "
+        "there is none."""
         place, turn = rng.uniform(region.min_m, region.max_m), float(rng.uniform(-region.turn_max_rad, region.turn_max_rad))
-        found = [q for q in self._inverse.solve(_pose(place, turn)) if self._checker.pose(self._nothing, q)[0] == FREE]
+        found = [q for q in self._inverse.solve(_pose(place, turn, self.lean_deg)) if self._checker.pose(self._nothing, q)[0] == FREE]
         return (place, turn, min(found, key=lambda q: float(np.linalg.norm(q - self._robot.home_rad)))) if found else None
 
     def ends(self, rng: np.random.Generator) -> tuple[F64, F64]:
@@ -68,10 +74,10 @@ class LevelMotions:
             start, goal = self.pose(rng, regions[0]), self.pose(rng, regions[1])
             if start is not None and goal is not None:
                 return start[2], goal[2]
-        raise ValueError(f"no pose with the tool straight down in {ATTEMPTS} draws")
+        raise ValueError(f"no pose with the tool leaning {self.lean_deg:g} degrees in {ATTEMPTS} draws")
 
     def motion(self, rng: np.random.Generator) -> F64 | None:
-        """(K, J) a motion over a place between the regions, the tool straight down all the way; None if none was possible."""
+        """(K, J) a motion over a place between the regions, the tool in its direction all the way; None if none was possible."""
         regions = [self._motions.pick, self._motions.place]
         if rng.random() < 0.5:
             regions.reverse()
@@ -82,7 +88,7 @@ class LevelMotions:
             end_place = rng.uniform(regions[1].min_m, regions[1].max_m)
             end_turn = float(rng.uniform(-regions[1].turn_max_rad, regions[1].turn_max_rad))
             via = rng.uniform(VIA_MIN_M, VIA_MAX_M)
-            path = self._follow(start[2], _way([start[0], via, end_place], start[1], end_turn))
+            path = self._follow(start[2], _way([start[0], via, end_place], start[1], end_turn, self.lean_deg))
             if path is not None and self._is_free(path):
                 return path
         return None
@@ -114,14 +120,18 @@ class LevelMotions:
         return all(self._checker.segment(self._nothing, a, b) for a, b in pairwise(path))
 
 
-def _pose(place: F64, turn_rad: float) -> F64:
+def _lean(lean_deg: float) -> Rotation:
+    return Rotation.from_euler("x", lean_deg, degrees=True)
+
+
+def _pose(place: F64, turn_rad: float, lean_deg: float) -> F64:
     T = np.eye(4)
-    T[:3, :3] = (Rotation.from_euler("z", turn_rad) * DOWN).as_matrix()
+    T[:3, :3] = (_lean(lean_deg) * Rotation.from_euler("z", turn_rad) * DOWN).as_matrix()
     T[:3, 3] = place
     return T
 
 
-def _way(places: list[F64], turn_from: float, turn_to: float) -> list[F64]:
+def _way(places: list[F64], turn_from: float, turn_to: float, lean_deg: float) -> list[F64]:
     """Tool poses along the straight pieces between places, the turn changing evenly."""
     lengths = [float(np.linalg.norm(b - a)) for a, b in pairwise(places)]
     n = int(np.ceil(max(sum(lengths) / STEP_M, abs(turn_to - turn_from) / STEP_TURN_RAD))) + 1
@@ -129,4 +139,4 @@ def _way(places: list[F64], turn_from: float, turn_to: float) -> list[F64]:
     s = np.linspace(0.0, along[-1], n)
     points = np.stack([np.interp(s, along, [place[k] for place in places]) for k in range(3)], axis=1)
     turns = np.linspace(turn_from, turn_to, n)
-    return [_pose(point, float(turn)) for point, turn in zip(points, turns, strict=True)]
+    return [_pose(point, float(turn), lean_deg) for point, turn in zip(points, turns, strict=True)]

@@ -29,7 +29,7 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
         return []
     write_dodge(series.dodge, record_path(folder.parent))
     rows = -(-len(series.dodge.photos) // COLUMNS)
-    drawing = new_drawing(12.0, 2.95 * rows, layout="none")
+    drawing = new_drawing(12.0, 2.95 * rows, layout=None)
     width, height = 1.0 / COLUMNS, 1.0 / rows
     for k, (at_s, photo) in enumerate(zip(series.dodge.at_s, series.dodge.photos, strict=True)):
         row, column = divmod(k, COLUMNS)
