@@ -34,9 +34,10 @@ class Verdict:
     Attributes:
         claim: what the paper says.
         paper: its number, or ``NOT_AT_HAND``.
-        ours: our number, with spread and n.
+        ours: our number, with spread and n, in a line.
         holds: whether the claim holds here.
         word: where ours differs or the claim fails, and why.
+        details: further comparisons behind it, a line each.
     """
 
     claim: str
@@ -44,6 +45,7 @@ class Verdict:
     ours: str
     holds: Holds
     word: str = ""
+    details: Sequence[str] = ()
 
 
 @dataclass(frozen=True)

@@ -34,11 +34,10 @@ def measure(study: Study) -> Outcome:
     verdict = Verdict(
         "Dijkstra is shorter in joint space than the wavefront, though it passes more neurons",
         NOT_AT_HAND,
-        "; ".join(
-            f"{a.words('shorter')}, neurons {mean_sigma(b.a, 1)} against {mean_sigma(b.b, 1)}" for a, b in zip(lengths, counts, strict=True)
-        ),
+        ", ".join(f"{pair.ratio:.3f} ({pair.name})" for pair in lengths) + ": median of Dijkstra / wavefront",
         HOLDS if shorter == more == HOLDS else NOT if shorter == NOT else UNDECIDED if shorter == UNDECIDED else IN_PART,
-        "Ratios are Dijkstra / wavefront. Where both find a path with equally few neurons, only the lengths differ.",
+        "Where both find a path of equally few neurons, only the lengths differ.",
+        [f"{a.words('shorter')}; neurons {mean_sigma(b.a, 1)} against {mean_sigma(b.b, 1)}" for a, b in zip(lengths, counts, strict=True)],
     )
     columns = ("model", "scenes", "Dijkstra, rad", "wavefront, rad", "Dijkstra, neurons", "wavefront, neurons")
     raw = [

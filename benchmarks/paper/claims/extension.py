@@ -173,11 +173,14 @@ def _verdict(learned: Sequence[Learned]) -> Verdict:
     good = [faster, keeps, gains]
     holds: Holds = UNDECIDED if extended.n_asked < 10 else HOLDS if all(good) else IN_PART if any(good) else NOT
     said = (
-        f"extension {extended.training_s:.1f} s against {scratch.training_s:.1f} s; error on the task "
-        f"{extended.task_error_rad:.3f} rad against "
-        f"{scratch.task_error_rad:.3f}; old task {base.n_old} of {base.n_asked} before, {extended.n_old} after, {scratch.n_old} "
-        "from scratch; new task "
-        f"{base.n_new} before, {extended.n_new} after, {scratch.n_new} from scratch"
+        f"training {extended.training_s:.1f} s against {scratch.training_s:.1f} s from scratch; old task solved {base.n_old} -> "
+        f"{extended.n_old}, new task {base.n_new} -> {extended.n_new}, of {base.n_asked}"
     )
+    error = [f"{k.task_error_rad:.3f} rad" for k in (base, extended, scratch)]
+    details = [
+        f"error on the task: {error[0]} before, {error[1]} extended, {error[2]} from scratch",
+        f"old task: {base.n_old} of {base.n_asked} before, {extended.n_old} extended, {scratch.n_old} from scratch",
+        f"new task: {base.n_new} of {base.n_asked} before, {extended.n_new} extended, {scratch.n_new} from scratch",
+    ]
     word = "*Holds* means: faster than training anew on both, nothing of the old task lost, and more of the new one solved than before."
-    return Verdict("A gas can be extended by a new task", NOT_AT_HAND, said, holds, word)
+    return Verdict("A gas can be extended by a new task", NOT_AT_HAND, said, holds, word, details)

@@ -46,13 +46,18 @@ def measure(study: Study) -> Outcome:
     samplers = [r for r in rows if str(r["row"]).rpartition("-")[0] in PLANNERS]
     solved = all(r["paths"] for r in ours)
     same = all(r["distinct"] == 1 and r["paths"] == n for r in ours)
-    said = [f"{name_of(str(r['row']))}: {r['distinct']} different of {r['paths']}" for r in [*ours, *samplers]]
+    said = [f"{name_of(str(r['row']))}: {r['distinct']} different of {r['paths']}, length {r['length']} rad" for r in [*ours, *samplers]]
+    distinct = [int(r["distinct"]) for r in samplers] or [0]
     verdict = Verdict(
         "Paths are reproducible",
         NOT_AT_HAND,
-        f"paths of {n} runs of one question; {'; '.join(said)}",
+        (
+            f"different paths in {n} runs: {max((int(r['distinct']) for r in ours), default=0)} (GNG), {min(distinct)} to "
+            f"{max(distinct)} (samplers)"
+        ),
         HOLDS if same else NOT if solved else UNDECIDED,
         "With equal seeds OMPL's RRT and RRTConnect repeat themselves too, as long as no time limit cuts in; PRM grows by the clock.",
+        said,
     )
     return Outcome(INTRO.format(n=n), rows=rows, tables=[table], verdicts=[verdict], data=_lengths(paths))
 

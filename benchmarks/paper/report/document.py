@@ -12,6 +12,7 @@ from benchmarks.paper.report.section import Section
 
 __all__ = ["GROUP_TITLES", "Document", "document"]
 
+HOLDS_ORDER = ("holds", "holds in part", "does not hold", "undecided")
 GROUP_TITLES = {"tables": "Tables", "figures": "Figures", "claims": "Claims"}
 LEAD = (
     "Each table, figure and claim of the paper beside ours: the paper's number, our number, its spread and n, and a word where ours "
@@ -60,9 +61,7 @@ def document(sections: Sequence[Section], missing: Sequence[str]) -> Document:
         lead=f"{LEAD}\n\n*{PAPER}*",
         differs=DIFFERS,
         facts=_facts(sections),
-        summary=", ".join(
-            f"{counts[holds]} {holds}" for holds in ("holds", "holds in part", "does not hold", "undecided") if counts[holds]
-        ),
+        summary=", ".join(f"{holds}: {counts[holds]}" for holds in HOLDS_ORDER if counts[holds]),
         glance=glance,
         known=known,
         groups=[(title, part) for title, part in groups if part],

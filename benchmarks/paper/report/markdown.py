@@ -57,6 +57,8 @@ def redo(section: Section) -> str:
 
 def _verdict(verdict: Verdict) -> Iterator[str]:
     yield from (f"> **{verdict.claim}** — **{verdict.holds}**", ">", f"> Paper: {verdict.paper}. Ours: {verdict.ours}.")
+    if verdict.details:
+        yield from (">", *(f"> - {line}" for line in verdict.details))
     if verdict.word:
         yield from (">", f"> {verdict.word}")
     yield ""

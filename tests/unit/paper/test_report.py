@@ -51,7 +51,7 @@ def test_both_forms_hold_everything(report: Path, form: str) -> None:
         "table2",
     ]
     assert [word for word in wanted if word not in text] == []
-    assert "1 holds, 1 does not hold" in text
+    assert "holds: 1, does not hold: 1" in text
 
 
 def test_html_escapes_what_it_shows(report: Path) -> None:
