@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from benchmarks.paper.known import KNOWN, PAPER
-from benchmarks.paper.outcome import Table
+from benchmarks.paper.outcome import HOLDS, IN_PART, NOT, UNDECIDED, Table
 from benchmarks.paper.report.section import Section
 
 __all__ = ["GROUP_TITLES", "Document", "document"]
 
-HOLDS_ORDER = ("holds", "holds in part", "does not hold", "undecided")
+HOLDS_ORDER = (HOLDS, IN_PART, NOT, UNDECIDED)
 GROUP_TITLES = {"tables": "Tables", "figures": "Figures", "claims": "Claims"}
 LEAD = (
     "Each table, figure and claim of the paper beside ours: the paper's number, our number, its spread and n, and a word where ours "
