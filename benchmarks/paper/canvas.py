@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any, Literal
@@ -16,9 +17,10 @@ from numpy.typing import NDArray
 from benchmarks.paper.outcome import Figure
 from common.robot.solids import box_mesh
 
-__all__ = ["COLOURS", "add_boxes", "new_drawing", "plots", "save", "space_axes", "style"]
+__all__ = ["COLOURS", "add_boxes", "limits_of", "new_drawing", "plots", "save", "space_axes", "style"]
 
 F64 = NDArray[np.float64]
+Limits = tuple[tuple[float, float], ...]
 DPI = 130  # sharp on a screen, about 100 kB a figure
 TICK_M = 0.2
 COLOURS = {
@@ -74,16 +76,24 @@ def save(drawing: Drawing, folder: Path, stem: str, caption: str) -> Figure:
     return Figure(stem, caption)
 
 
-def space_axes(drawing: Drawing, place: Any, title: str, limits_m: tuple[tuple[float, float], ...]) -> Any:
+def limits_of(points_m: Sequence[F64]) -> Limits:
+    """Lowest and highest x, y, z of points (..., 3) in metres with some room, rounded to ticks; z from the table up."""
+    every = np.vstack([np.asarray(points).reshape(-1, 3) for points in points_m])
+    low, high = np.floor(every.min(axis=0) / TICK_M * 2.0) * TICK_M / 2.0, np.ceil(every.max(axis=0) / TICK_M * 2.0) * TICK_M / 2.0
+    low[2] = min(low[2], 0.0)
+    return tuple((float(a), float(b)) for a, b in zip(low, high, strict=True))
+
+
+def space_axes(drawing: Drawing, place: Any, title: str, limits_m: Limits) -> Any:
     """3-D axes in metres, equal scales, seen from the front right."""
     axes: Any = drawing.add_subplot(place, projection="3d", computed_zorder=False)
     axes.set(xlim=limits_m[0], ylim=limits_m[1], zlim=limits_m[2], xlabel="x, m", ylabel="y, m", zlabel="z, m")
-    axes.set_box_aspect([high - low for low, high in limits_m], zoom=0.9)
+    axes.set_box_aspect([high - low for low, high in limits_m], zoom=0.86)
     axes.view_init(elev=24.0, azim=-28.0)
-    axes.set_title(title, y=0.98)
+    axes.set_title(title, y=1.0)
     axes.tick_params(labelsize=7, pad=0)
     axes.set(xticks=_ticks(limits_m[0]), yticks=_ticks(limits_m[1]), zticks=_ticks(limits_m[2]))
-    axes.zaxis.labelpad = 0.0
+    axes.zaxis.labelpad = -6.0
     return axes
 
 

@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from benchmarks.paper import words
-from benchmarks.paper.ask import Variant, answer, variants
+from benchmarks.paper.ask import RULES, Variant, answer, variants
 from benchmarks.paper.known import known
-from benchmarks.paper.outcome import NOT_AT_HAND, Outcome, Table
+from benchmarks.paper.outcome import HOLDS, NOT, NOT_AT_HAND, UNDECIDED, Outcome, Table, Verdict
 from benchmarks.paper.shared_runs import Run, scene_runs, the_question, with_verdicts
 from benchmarks.paper.stats import mean_sigma, percentile, share
 from benchmarks.paper.study import MODELS, Study
 
-__all__ = ["measure"]
+__all__ = ["measure", "verdict_on_collisions"]
 
 HEAD = ("rules", "model", "algorithm", "smoothed")
 ONE = (*HEAD, "neurons on the path", "path, ms", "answer, ms", "length, rad", "collides (coal)", "paper: ms")
@@ -58,6 +58,7 @@ def measure(study: Study) -> Outcome:
         rows=[_raw(run, k, "one question") for runs_of in repeats.values() for k, run in enumerate(runs_of)]
         + [_raw(run, 0, "scenes") for run in runs],
         tables=[one, many],
+        verdicts=[verdict_on_collisions(runs, rules) for rules in RULES],
         facts={"question": {"index": question.index, "q_start_rad": question.q_start.tolist(), "q_goal_rad": question.q_goal.tolist()}},
     )
 
@@ -105,6 +106,29 @@ def _row_of_many(runs: Sequence[Run]) -> list[str]:
         mean_sigma([run.answer.length_rad for run in solved]),
         f"**{hits}** of {len(solved)}" if hits else f"0 of {len(solved)}",
     ]
+
+
+def verdict_on_collisions(runs: Sequence[Run], rules: str) -> Verdict:
+    """Whether all paths of one set of rules are free, and how many of the smoothed and raw paths of each map are not."""
+    solved = [run for run in runs if run.variant.rules == rules and run.answer.solved]
+    hits = sum(bool(run.collides) for run in solved)
+    details = []
+    for model in MODELS:
+        for smooth in (False, True):
+            mine = [run for run in solved if (run.variant.model, run.variant.smooth) == (model, smooth)]
+            how = "smoothed" if smooth else "raw"
+            details.append(f"{words.MODEL[model]}, {how}: {share(sum(bool(run.collides) for run in mine), len(mine))} collide")
+    return Verdict(
+        f"Planned paths are free of collisions ({words.RULES_WORD[rules]} rules)",
+        "“collision-free” (abstract); no number at hand",
+        f"{hits} of {len(solved)} paths truly collide, on all maps by all algorithms",
+        UNDECIDED if not solved else HOLDS if hits == 0 else NOT,
+        (
+            "By coal at steps of 1/256 rad on true shapes, no margin. Algorithms often find the same path: counts are of rows, not "
+            "of different paths."
+        ),
+        details,
+    )
 
 
 def _raw(run: Run, repeat: int, table: str) -> dict[str, Any]:

@@ -79,11 +79,15 @@ def measure(study: Study) -> Outcome:
         bitmaps.append(bitmap)
         rows.append(row)
     columns = ("model", "neurons", "blocked", "on the path", "length raw, rad", "length smoothed, rad", "edge on the bitmap, px")
-    cells = [[words.MODEL[str(r["model"])], *(f"{r[k]:.4g}" for k in list(r)[1:])] for r in rows]
+    cells = [[words.MODEL[str(r["model"])], *(_word(r[k]) for k in list(r)[1:])] for r in rows]
     table = Table(
         "What the bitmaps show", columns, cells, "Edge: mean distance between the pixels of joined neurons; a lattice has 1 to 1.4."
     )
     return Outcome(INTRO, rows=rows, tables=[table], data=Maps(bitmaps, the_question(study).boxes_m))
+
+
+def _word(value: str | float) -> str:
+    return f"{value:.2f}" if isinstance(value, float) else f"{value}"
 
 
 def _bitmap(study: Study, model: str) -> tuple[Bitmap, dict[str, str | float]]:

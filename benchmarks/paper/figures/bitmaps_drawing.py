@@ -11,17 +11,18 @@ from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from benchmarks.paper import words
-from benchmarks.paper.canvas import COLOURS, add_boxes, new_drawing, save, space_axes
+from benchmarks.paper.canvas import COLOURS, add_boxes, limits_of, new_drawing, save, space_axes
 from benchmarks.paper.figures.bitmaps import Bitmap, Maps
 from benchmarks.paper.outcome import Figure, Outcome
 
-__all__ = ["SPACE_M", "draw"]
+__all__ = ["draw"]
 
-SPACE_M = ((0.0, 0.6), (-0.5, 0.5), (0.0, 0.6))
 CAPTION = (
-    "Cognitive maps among the boxes of the question: blocked neurons red, path blue (start: circle, goal: square), raw and "
-    "smoothed (where no smoothed curve has free best matches, it is rejected and the raw path kept); right: "
-    "the tool's way in space, raw thin and smoothed bold."
+    "Cognitive maps among the boxes of the question: blocked neurons red, path blue (start: circle, goal: square). Left: neurons "
+    "of the raw "
+    "path. Middle: best matches along the smoothed curve; where no smoothed curve has free best matches it is rejected, and the "
+    "best matches "
+    "along the raw path are shown. Right: the tool's way in space, raw thin and smoothed bold."
 )
 
 
@@ -29,13 +30,14 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
     """One figure: a row for each map."""
     maps: Maps = outcome.data
     drawing = new_drawing(11.5, 3.9 * len(maps.bitmaps))
+    limits_m = limits_of([maps.boxes_m, *(way for bitmap in maps.bitmaps for way in (bitmap.raw_m, bitmap.smoothed_m))])
     grid = drawing.add_gridspec(len(maps.bitmaps), 3, width_ratios=(1.0, 1.0, 1.15))
     for k, bitmap in enumerate(maps.bitmaps):
         for column, (path, how) in enumerate(
             ((bitmap.raw, "raw"), (bitmap.smoothed, "smoothing rejected" if bitmap.rejected else "smoothed"))
         ):
             _draw_bitmap(drawing.add_subplot(grid[k, column]), bitmap, path, how)
-        axes = space_axes(drawing, grid[k, 2], f"{words.MODEL[bitmap.model]}: way of the tool", SPACE_M)
+        axes = space_axes(drawing, grid[k, 2], f"{words.MODEL[bitmap.model]}: way of the tool", limits_m)
         add_boxes(axes, maps.boxes_m, COLOURS["blocked"], 0.35)
         for way, width, alpha in ((bitmap.raw_m, 1.2, 0.8), (bitmap.smoothed_m, 2.6, 1.0)):
             if len(way):
@@ -60,3 +62,4 @@ def _draw_bitmap(axes: Any, bitmap: Bitmap, path: NDArray[np.int32], how: str) -
     axes.set_title(f"{words.MODEL[bitmap.model]}, {how}: {len(way)} neurons")
     axes.set(xticks=[], yticks=[])
     axes.grid(visible=False)
+    axes.spines[:].set_visible(True)

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from benchmarks.paper import words
-from benchmarks.paper.canvas import COLOURS, add_boxes, new_drawing, save, space_axes
-from benchmarks.paper.figures.bitmaps_drawing import SPACE_M
+from benchmarks.paper.canvas import COLOURS, add_boxes, limits_of, new_drawing, save, space_axes
 from benchmarks.paper.figures.samplers import Ways
 from benchmarks.paper.outcome import Figure, Outcome
 from benchmarks.paper.table2 import PLANNERS
@@ -23,10 +22,11 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
     """One figure: planners side by side, raw above simplified."""
     ways: Ways = outcome.data
     drawing = new_drawing(11.5, 7.6)
+    limits_m = limits_of([ways.boxes_m, ways.ours_m, *(way for found in ways.samplers_m.values() for way in found)])
     grid = drawing.add_gridspec(2, len(PLANNERS))
     for row, how in enumerate(("raw", "simplified")):
         for column, planner in enumerate(PLANNERS):
-            axes = space_axes(drawing, grid[row, column], f"{words.PEER[planner]}, {how}", SPACE_M)
+            axes = space_axes(drawing, grid[row, column], f"{words.PEER[planner]}, {how}", limits_m)
             add_boxes(axes, ways.boxes_m, COLOURS["blocked"], 0.35)
             for way in ways.samplers_m[f"{planner}-{how}"]:
                 axes.plot(*way.T, color=COLOURS[planner], linewidth=1.0, alpha=0.8, zorder=3)

@@ -7,13 +7,18 @@ import math
 import numpy as np
 import pytest
 
+from benchmarks.paper.ask import Answer, Variant
 from benchmarks.paper.claims.big_obstacles import EDGES_M, Fall
 from benchmarks.paper.claims.big_obstacles import _verdict as verdict_on_obstacles
 from benchmarks.paper.claims.big_obstacles_drawing import failed_share
 from benchmarks.paper.claims.pairs import Pair, holds_of, together
 from benchmarks.paper.claims.smoothing_cost import _costliest
 from benchmarks.paper.outcome import HOLDS, IN_PART, NOT, UNDECIDED
+from benchmarks.paper.shared_runs import Run
 from benchmarks.paper.stats import mean_sigma, paired, share
+from benchmarks.paper.table1 import verdict_on_collisions
+from benchmarks.paper.table2 import PeerRun, verdict_on_time
+from benchmarks.questions import Question
 
 LONG = tuple(float(v) for v in np.linspace(4.0, 6.0, 20))
 SHORT = tuple(0.8 * v for v in LONG)
@@ -65,6 +70,32 @@ def test_smoothing_is_costliest_only_if_no_other_step_takes_longer() -> None:
     assert _costliest(stages) is True
     assert _costliest({**stages, "search": [3.0]}) is False
     assert _costliest({stage: [] for stage in stages}) is None
+
+
+def run_of(rules: str, collides: bool | None) -> Run:
+    solved = collides is not None
+    empty = np.empty((0, 6))
+    got = Answer(solved, "solved" if solved else "no_path", np.empty(0, dtype=np.int32), empty, empty, 1.0, False, {})
+    variant = Variant("gng", "dijkstra", True, rules)  # type: ignore[arg-type]
+    return Run(variant, Question(0, np.zeros(6), np.zeros(6), np.empty((0, 2, 3)), np.empty(0, dtype=np.int32)), got, collides)
+
+
+def test_one_collision_is_enough_to_deny_that_paths_are_free() -> None:
+    runs = [run_of("paper", False), run_of("paper", True), run_of("checked", False), run_of("checked", None)]
+    assert verdict_on_collisions(runs, "paper").holds == NOT
+    assert verdict_on_collisions(runs, "paper").ours.startswith("1 of 2")
+    assert verdict_on_collisions(runs, "checked").holds == HOLDS
+    assert verdict_on_collisions([run_of("paper", None)], "paper").holds == UNDECIDED
+
+
+def test_the_tail_decides_whether_a_motion_is_there_in_time() -> None:
+    def verdict(ms: list[float]) -> str:
+        return verdict_on_time([PeerRun("gng-dijkstra-smoothed-checked", 0, 0, np.zeros((2, 6)), value) for value in ms]).holds
+
+    assert verdict([5.0] * 99 + [500.0]) == HOLDS
+    assert verdict([5.0] * 80 + [500.0] * 20) == IN_PART
+    assert verdict([30.0] * 10) == NOT
+    assert verdict([]) == UNDECIDED
 
 
 def test_numbers_become_words() -> None:
