@@ -110,6 +110,28 @@ def test_partial_fit_learns_a_new_place_and_keeps_the_old() -> None:
     assert statistics(after, samples).quantisation_error_rad < 0.1
 
 
+def test_a_gas_taken_up_again_from_its_map_is_that_map_and_learns_on() -> None:
+    samples, elsewhere = ring(3000), ring(500) + 3.0
+    kept = GrowingNeuralGas(GasParameters(), 300).fit(samples, NO_STARTS, 0).to_map()
+    gas = GrowingNeuralGas.of_map(kept, GasParameters(), 360, elsewhere)
+    again = gas.to_map()
+    assert again.q_rad.tobytes() == kept.q_rad.tobytes() and again.edges.tobytes() == kept.edges.tobytes()
+    asked = np.concatenate([ring(20, seed=9), elsewhere[:20]])
+    np.testing.assert_array_equal([gas.best_match(q) for q in asked], kept.best_match(asked))
+    learned = gas.partial_fit(elsewhere, seed=1, n_signals=9000).to_map()
+    assert kept.n_neurons < learned.n_neurons <= 360
+    assert statistics(learned, elsewhere).quantisation_error_rad < 0.05 * statistics(kept, elsewhere).quantisation_error_rad
+    assert statistics(learned, samples).quantisation_error_rad < 2.0 * statistics(kept, samples).quantisation_error_rad
+
+
+def test_a_gas_is_not_taken_up_with_less_room_or_another_width() -> None:
+    kept = GrowingNeuralGas(GasParameters(), 100).fit(ring(1000), NO_STARTS, 0).to_map()
+    with pytest.raises(ValueError, match="n_neurons is 50"):
+        GrowingNeuralGas.of_map(kept, GasParameters(), 50, ring(100))
+    with pytest.raises(ValueError, match="5 joints, the map has 6"):
+        GrowingNeuralGas.of_map(kept, GasParameters(), 200, ring(100, n_joints=5))
+
+
 def test_a_gas_of_one_joint_works() -> None:
     samples = np.linspace(0, 1, 500)[:, None]
     figures = statistics(GrowingNeuralGas(GasParameters(), 20).fit(samples, NO_STARTS, 0).to_map(), samples)

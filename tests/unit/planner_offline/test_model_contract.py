@@ -7,11 +7,16 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
+from common.geometry.grid import Grid
 from services.planner.core.gamma_som import GammaSom, GammaSomParameters
 from services.planner.core.gng import GasParameters, GrowingNeuralGas
+from services.planner.core.lookup import LookupTable, build_table
 from services.planner.core.models import MapModel
 from services.planner.core.som import SelfOrganisingMap, SomParameters
+from services.planner.kernels.lookup import segment_steps
+from services.planner.offline.scene import Scene
 from tests.support.joint_samples import ring
+from tests.support.slow_planner import slow_pose_cells
 
 MODELS: dict[str, Callable[[], MapModel]] = {
     "gng": lambda: GrowingNeuralGas(GasParameters(insert_every=20), 100),
@@ -102,3 +107,52 @@ def test_a_lattice_cannot_be_extended(name: str) -> None:
     with pytest.raises(ValueError, match="10 x 9 units has a fixed size and cannot be extended"):
         fitted.partial_fit(SAMPLES, 1)
     np.testing.assert_array_equal(fitted.to_map().q_rad, before)
+
+
+COARSE = Grid((-0.8, -0.8, 0.0), (40, 40, 25), 0.04)  # coarse enough to ask every cell about every body
+SAFETY_M, STEP_M = 0.02, 0.02
+
+
+def swept(scene: Scene, q_rad: np.ndarray) -> tuple[set[int], set[int]]:
+    """The cells that block a pose, by asking each cell of the grid about each body; and those of them that may be missing.
+
+    These lie farther from the boxes around all bodies than a cell that touches can: only the rounding of the distance grids, up to a voxel
+    and always towards the arm, makes them touch. The table looks at boxes first and need not list them.
+    """
+    frames = scene.robot.joint_poses(q_rad[None])[0]
+    half_m, grids = COARSE.resolution_m / 2, scene.arm.grids
+    cells = np.flatnonzero(slow_pose_cells(scene.arm, frames, COARSE.centres(np.arange(COARSE.n_cells)), half_m, SAFETY_M))
+    away_m = np.full(len(cells), np.inf)
+    for body in np.flatnonzero(scene.arm.moving):
+        frame = frames[grids.body_joint[body]]
+        inside = (COARSE.centres(cells) - frame[:3, 3]) @ frame[:3, :3]
+        beyond = np.maximum(np.maximum(grids.box_min_m[body] - inside, inside - grids.box_max_m[body]), 0.0)
+        away_m = np.minimum(away_m, np.linalg.norm(beyond, axis=1))
+    return set(cells.tolist()), set(cells[away_m > SAFETY_M + half_m * np.sqrt(3.0)].tolist())
+
+
+def rows_of(table: LookupTable, what: str, owner: int) -> set[int]:
+    row = table.neurons_of if what == "neurons" else table.edges_of
+    return {cell for cell in range(COARSE.n_cells) if owner in row(cell)}
+
+
+def test_the_table_equals_brute_force(model: MapModel, scene: Scene) -> None:
+    learned = model.fit(SAMPLES, STARTS, 0).to_map()
+    table = build_table(scene.arm, COARSE, learned.q_rad, learned.edges, safety_m=SAFETY_M, step_m=STEP_M)
+    unavoidable = set(table.unavoidable.tolist())
+    for neuron in range(0, learned.n_neurons, 30):
+        cells, doubtful = swept(scene, learned.q_rad[neuron])
+        assert rows_of(table, "neurons", neuron) | unavoidable | doubtful == cells | unavoidable | doubtful
+        assert len(doubtful) < 0.05 * len(cells)
+    rotation, translation = np.empty((2, 7, 3, 3)), np.empty((2, 7, 3))
+    n_cells = 0
+    for edge in np.argsort(-learned.edge_length_rad, kind="stable")[[0, len(learned.edges) // 2]]:  # the longest, and an ordinary one
+        a, b = learned.q_rad[learned.edges[edge]]
+        n_steps = segment_steps(scene.arm, a, b - a, STEP_M, rotation, translation)
+        poses = [swept(scene, a + (b - a) * step / n_steps) for step in range(n_steps + 1)]
+        between = set().union(*(cells for cells, _ in poses[1:-1]))
+        doubtful = set().union(*(cells for _, cells in poses))
+        beyond_ends = between - poses[0][0] - poses[-1][0] - unavoidable
+        assert rows_of(table, "edges", int(edge)) | doubtful == beyond_ends | doubtful
+        n_cells += len(beyond_ends - doubtful)
+    assert n_cells > 0, "no edge swept anything: the case tests too little"
