@@ -21,7 +21,7 @@ PEER = "ompl_rrt_connect"
 WAYS = ("gng-paper", "gng-checked", PEER)
 INTRO = (
     "Clutter: 1 to 8 boxes of 6 to 20 cm about the way, {n} scenes each; start and goal of the set “task”. Narrow passage: the "
-    "tool reaches 17 cm "
+    "tool reaches 9 cm "
     "deep between two walls that stand 8 to 30 cm apart, {tries} starts each; the gripper is 6 cm wide and 2 cm are kept on each "
     "side. The map alone "
     "answers (GNG, Dijkstra, smoothed, by both rules; no fallback), and OMPL's RRTConnect with simplification, {limit:g} s at most. "

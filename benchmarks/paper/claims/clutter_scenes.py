@@ -24,8 +24,8 @@ BOX_MIN_M, BOX_MAX_M = 0.06, 0.20  # our choice: from a hand to a crate
 SPREAD_M = 0.12  # of a box's centre about the way of the arm; our choice
 DRAWS = 60  # of a box until one leaves start and goal free
 WALL_M = 0.06  # thickness of the gap's two walls; our choice
-WALL_X_M, WALL_Z_M = (0.22, 0.42), (0.0, 0.30)  # their extent: as long as a bin, as high as the wrist when the tool is down
-GOAL_M = (0.32, 0.30, 0.13)  # x, y about which the gap lies, height of the tool in it: 17 cm deep; our choice
+WALL_X_M, WALL_Z_M = (0.22, 0.42), (0.0, 0.22)  # their extent: as long as a bin, as high as the gripper when it is down in the gap
+GOAL_M = (0.32, 0.30, 0.13)  # x, y about which the gap lies, height of the tool in it: 9 cm deep, nearly all of the gripper; our choice
 SHRINK_M = 1e-4  # walls end on cell borders; a rounding must not make them touch the next cells
 YAWS = 12  # turns of the tool that are tried for a goal in the gap
 STREAM = 71  # of the generator, so that other parts draw other numbers
@@ -67,7 +67,8 @@ def _cells(study: Study, boxes_m: F64) -> I32:
 
 
 def gap_question(study: Study, gap_m: float, scene: Question) -> Question | None:
-    """Reach into a gap of a width between two walls, from the start of ``scene``; None if no pose in the gap keeps the distances."""
+    """Reach into a gap of a width between two walls, from that end of ``scene`` which lies farther from it; None if no pose in "
+    "the gap keeps the distances."""
     grid = study.gng.grid
     cell_m = grid.resolution_m
     left = round((GOAL_M[1] - gap_m / 2.0) / cell_m) * cell_m
@@ -83,11 +84,19 @@ def gap_question(study: Study, gap_m: float, scene: Question) -> Question | None
     checker, world = study.once("checker", study.gng.checker), cells_of(grid, cells)
     goals = _goals(study, (GOAL_M[0], left + gap_m / 2.0, GOAL_M[2]))
     free = [q for q in goals if checker.pose(world, q)[0] == FREE]
-    start = scene.q_start
+    start = _farther_end(study, scene)
     if not free or checker.pose(world, start)[0] != FREE:
         return None
     goal = min(free, key=lambda q: float(np.linalg.norm(q - start)))
     return Question(scene.index, start, goal, walls, cells)
+
+
+def _farther_end(study: Study, scene: Question) -> F64:
+    """Start or goal of a scene, whose tool is farther from the gap: the one over the other bin."""
+    robot = study.gng.robot
+    ends = (scene.q_start, scene.q_goal)
+    places = (robot.joint_poses(np.array(ends))[:, -1] @ robot.T_joint_tool)[:, :3, 3]
+    return ends[int(np.argmax(np.linalg.norm(places - np.array(GOAL_M), axis=1)))]
 
 
 def _goals(study: Study, position_m: tuple[float, float, float]) -> list[F64]:

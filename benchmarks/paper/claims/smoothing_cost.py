@@ -16,9 +16,9 @@ STAGES = ("update", "search", "smooth", "time", "verify")
 EXPLAINED = {
     "update": "cells -> blocked neurons and edges",
     "search": "start and goal joined, graph search",
-    "smooth": "corners cut, NURBS",
+    "smooth": "NURBS; by our rules corners are cut first",
     "time": "timed within joint limits",
-    "verify": "smoothed path looked at (paper's rules: its best matches; ours: the timed curve against cells, static layer, arm)",
+    "verify": "smoothed path looked at (paper's rules: best matches; ours: the timed curve)",
 }
 SMOOTHING = ("smooth", "verify")  # the paper's smoothing includes looking whether the smoothed path is free
 INTRO = (

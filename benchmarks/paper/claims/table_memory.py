@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.paper.claims.bit_table import BitTable
-from benchmarks.paper.outcome import HOLDS, IN_PART, NOT, NOT_AT_HAND, Outcome, Table, Verdict
+from benchmarks.paper.outcome import HOLDS, IN_PART, NOT, NOT_AT_HAND, UNDECIDED, Holds, Outcome, Table, Verdict
 from benchmarks.paper.stats import median
 from benchmarks.paper.study import Study
 from benchmarks.questions import Question
@@ -24,6 +24,7 @@ __all__ = ["Memory", "measure"]
 I32 = NDArray[np.int32]
 REPEATS = 5  # of each query; the fastest counts: the others were interrupted
 MB = 1e6
+LINEAR_WITHIN = 0.1  # our choice: farthest that a size may lie from the line, as a share of it
 INTRO = (
     "Ours: for each cell a list of the neurons it blocks (uint16), and of the edges it blocks beyond their ends; a count a "
     "neuron says how many "
@@ -130,17 +131,13 @@ def _fastest(prepare: Callable[[], object], query: Callable[[], object]) -> floa
 
 
 def _linear(sizes: list[Memory]) -> Verdict:
-    a_neuron = [s.ours_bytes / s.n_neurons for s in sizes]
-    spread = max(a_neuron) / min(a_neuron)
-    said = ", ".join(f"{value / 1e3:.2f} kB at {s.n_neurons}" for value, s in zip(a_neuron, sizes, strict=True))
-    word = (
-        "Bytes a neuron stay within a fifth from the smallest to the largest map."
-        if spread < 1.2
-        else "Small maps also pay for the offsets of all cells."
-    )
-    return Verdict(
-        "The table grows linearly with the map", NOT_AT_HAND, f"bytes a neuron: {said}", HOLDS if spread < 1.2 else IN_PART, word
-    )
+    """A straight line through bytes over neurons: the constant is the offsets of all cells."""
+    n, size = np.array([s.n_neurons for s in sizes], dtype=np.float64), np.array([s.ours_bytes for s in sizes], dtype=np.float64)
+    slope, constant = np.polyfit(n, size, 1)
+    farthest = float(np.max(np.abs(constant + slope * n - size) / size))
+    said = f"{slope / 1e3:.2f} kB a neuron and {constant / MB:.1f} MB for all cells; sizes lie within {100 * farthest:.0f} % of that line"
+    holds: Holds = UNDECIDED if len(sizes) < 3 else HOLDS if farthest < LINEAR_WITHIN else NOT
+    return Verdict("The memory of the table grows linearly with the map", NOT_AT_HAND, said, holds)
 
 
 def _smaller(sizes: list[Memory]) -> Verdict:
