@@ -37,7 +37,7 @@ def tilt_deg(robot: RobotModel, q_rad: F64, lean_deg: float) -> F64:
 
 
 class LevelMotions:
-    """Draws places, poses and motions whose tool axis keeps one direction of the world; all on the branch nearest to home.
+    """Draws places, poses and motions whose tool axis keeps one direction of the world; all begin on the branch nearest to home.
 
     ``lean_deg``: from straight down towards +y. The tool may turn about its axis.
     """
@@ -62,19 +62,15 @@ class LevelMotions:
         return (place, turn, min(found, key=lambda q: float(np.linalg.norm(q - self._robot.home_rad)))) if found else None
 
     def ends(self, rng: np.random.Generator) -> tuple[F64, F64]:
-        """Start and goal (J,) of a plan from one region to the other.
+        """Start and goal (J,) of a plan: the ends of such a motion, so that one exists, on the branches that it joins.
 
         Raises:
-            ValueError: the regions give no such pose.
+            ValueError: no such motion.
         """
-        regions = [self._motions.pick, self._motions.place]
-        if rng.random() < 0.5:
-            regions.reverse()
-        for _ in range(ATTEMPTS):
-            start, goal = self.pose(rng, regions[0]), self.pose(rng, regions[1])
-            if start is not None and goal is not None:
-                return start[2], goal[2]
-        raise ValueError(f"no pose with the tool leaning {self.lean_deg:g} degrees in {ATTEMPTS} draws")
+        path = self.motion(rng)
+        if path is None:
+            raise ValueError(f"no motion with the tool leaning {self.lean_deg:g} degrees in {ATTEMPTS} draws")
+        return path[0], path[-1]
 
     def motion(self, rng: np.random.Generator) -> F64 | None:
         """(K, J) a motion over a place between the regions, the tool in its direction all the way; None if none was possible."""
