@@ -20,14 +20,12 @@ ONE = (*HEAD, "neurons on the path", "path, ms", "answer, ms", "length, rad", "c
 MANY = (*HEAD, "solved", "smoothing rejected", "neurons", "path, ms", "answer, ms", "answer p95, ms", "length, rad", "collide (coal)")
 INTRO = (
     "One question (start, goal, boxes) is put to each map by each algorithm, {n} times from an empty world, as in the paper. The same "
-    "question gives the same path each time, so the spread is the clock's. *Path* is all from changed cells to a path on the map; *answer* "
-    "is all until a timed motion may be sent (raw: a stop at each corner). By the paper's rules start and goal snap to their best matches, "
-    "neurons alone are blocked, and a smoothed path is taken if its best matches are free. By our rules (`checked`) edges are "
-    "blocked too and the "
-    "very curve "
-    "that would be driven is checked. Where no smooth curve is accepted (*rejected*) the raw path is driven. The second table "
-    "puts {scenes} scenes to each; its last column is coal's word at steps of 1/256 rad, "
-    "on true shapes, without any margin."
+    "question gives the same path each time, so the spread is the clock's. *Path* is all from changed cells to a path on the map; "
+    "*answer* is all until a timed motion may be sent (raw: a stop at each corner). By the paper's rules start and goal snap to their "
+    "best matches, neurons alone are blocked, and a smoothed path is taken if its best matches are free. By our rules (`checked`) edges "
+    "are blocked too and the very curve that would be driven is checked. Where no smooth curve is accepted (*rejected*) the raw path is "
+    "driven. The second table puts {scenes} scenes to each; its last column is coal's word at steps of 1/256 rad, on true shapes, "
+    "without any margin."
 )
 
 
@@ -124,8 +122,8 @@ def verdict_on_collisions(runs: Sequence[Run], rules: str) -> Verdict:
         f"{hits} of {len(solved)} paths truly collide, on all maps by all algorithms",
         UNDECIDED if not solved else HOLDS if hits == 0 else NOT,
         (
-            "By coal at steps of 1/256 rad on true shapes, no margin. Algorithms often find the same path: counts are of rows, not "
-            "of different paths."
+            "By coal at steps of 1/256 rad on true shapes, no margin. Algorithms often find the same path: counts are of rows, not of "
+            "different paths."
         ),
         details,
     )

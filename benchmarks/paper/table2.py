@@ -28,11 +28,11 @@ REPLAN_MS = 20.0  # the paper's abstract
 PLANNERS = ("ompl_prm", "ompl_rrt", "ompl_rrt_connect")
 COLUMNS = ("planner", "solved", "time, ms", "p95, ms", "length, rad", "collide (coal)", "paper")
 INTRO = (
-    "PRM, RRT and RRTConnect of OMPL plan in full joint space with coal on convex pieces of the arm as collision checker: the same cells, "
-    "the same margins to cells, static layer and the arm itself, motions checked every 0.03 rad, ranges tuned on other questions "
-    "(see `benchmarks/peers/ompl_peers.py`). *Simplified* is OMPL's own `PathSimplifier.simplify` to its end. A run counts as failed after "
-    "{limit:g} s. PRM starts from nothing with each question, as the cells change. First the paper's protocol, {n} runs of one start and "
-    "goal; then {scenes} scenes, one run each."
+    "PRM, RRT and RRTConnect of OMPL plan in full joint space with coal on convex pieces of the arm as collision checker: the same "
+    "cells, the same margins to cells, static layer and the arm itself, motions checked every 0.03 rad, ranges tuned on other questions "
+    "(see `benchmarks/peers/ompl_peers.py`). *Simplified* is OMPL's own `PathSimplifier.simplify` to its end. A run counts as failed "
+    "after {limit:g} s. PRM starts from nothing with each question, as the cells change. First the paper's protocol, {n} runs of one "
+    "start and goal; then {scenes} scenes, one run each."
 )
 
 
@@ -86,9 +86,9 @@ def verdict_on_time(runs: Sequence[PeerRun]) -> Verdict:
 
 def _note(study: Study) -> str:
     return (
-        f"mean ± σ of {study.scale.n_runs}; time: from changed cells to a path (ours: to a timed, smoothed motion; simplified peers: with "
-        f"simplification). The paper gives {known('smoothed_ms')} for its own search and smoothing; its numbers for the samplers are not "
-        "at hand."
+        f"mean ± σ of {study.scale.n_runs}; time: from changed cells to a path (ours: to a timed, smoothed motion; simplified peers: "
+        f"with simplification). The paper gives {known('smoothed_ms')} for its own search and smoothing; its numbers for the samplers "
+        "are not at hand."
     )
 
 

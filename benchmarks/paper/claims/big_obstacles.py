@@ -134,9 +134,8 @@ def _verdict(falls: Sequence[Fall], rules: str) -> Verdict:
     p = float(binomtest(sooner, sooner + later).pvalue) if sooner + later else 1.0
     n_failed = {model: sum(np.isfinite(edge[model, s]) for s in scenes) for model in ("gamma_som", "gng")}
     said = (
-        f"γ-SOM fails in {share(n_failed['gamma_som'], len(scenes))}, GNG in {share(n_failed['gng'], len(scenes))}; on the same "
-        "scene γ-SOM fails "
-        f"at a smaller cube {sooner} times, GNG {later} times (sign test p = {p:.2g})"
+        f"γ-SOM fails in {share(n_failed['gamma_som'], len(scenes))}, GNG in {share(n_failed['gng'], len(scenes))}; on the same scene "
+        f"γ-SOM fails at a smaller cube {sooner} times, GNG {later} times (sign test p = {p:.2g})"
     )
     return Verdict(
         f"γ-SOM fails more often at big obstacles ({words.RULES_WORD[rules]} rules)", NOT_AT_HAND, said, _holds(sooner, later, p)

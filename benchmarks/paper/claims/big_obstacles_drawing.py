@@ -17,9 +17,8 @@ from benchmarks.paper.study import MODELS
 __all__ = ["draw", "failed_share"]
 
 CAPTION = (
-    "Left and middle: share of scenes in which a map has failed, against the edge of the cube; scenes that ended without a "
-    "failure leave the "
-    "count from there on (Kaplan-Meier). Right: share of blocked neurons at the first failure, by the paper's rules."
+    "Left and middle: share of scenes in which a map has failed, against the edge of the cube; scenes that ended without a failure leave "
+    "the count from there on (Kaplan-Meier). Right: share of blocked neurons at the first failure, by the paper's rules."
 )
 
 

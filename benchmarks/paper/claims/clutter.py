@@ -20,13 +20,11 @@ __all__ = ["PEER", "WAYS", "Try", "measure"]
 PEER = "ompl_rrt_connect"
 WAYS = ("gng-paper", "gng-checked", PEER)
 INTRO = (
-    "Clutter: 1 to 8 boxes of 6 to 20 cm about the way, {n} scenes each; start and goal of the set “task”. Narrow passage: the "
-    "tool reaches 9 cm "
-    "deep between two walls that stand 8 to 30 cm apart, {tries} starts each; the gripper is 6 cm wide and 2 cm are kept on each "
-    "side. The map alone "
-    "answers (GNG, Dijkstra, smoothed, by both rules; no fallback), and OMPL's RRTConnect with simplification, {limit:g} s at most. "
-    "A scene that nobody solves may have no solution. The paper's rules count an answer even if it touches: see the tables for "
-    "how often it does."
+    "Clutter: 1 to 8 boxes of 6 to 20 cm about the way, {n} scenes each; start and goal of the set “task”. Narrow passage: the tool "
+    "reaches 9 cm deep between two walls that stand 8 to 30 cm apart, {tries} starts each; the gripper is 6 cm wide and 2 cm are kept on "
+    "each side. The map alone answers (GNG, Dijkstra, smoothed, by both rules; no fallback), and OMPL's RRTConnect with simplification, "
+    "{limit:g} s at most. A scene that nobody solves may have no solution. The paper's rules count an answer even if it touches: see the "
+    "tables for how often it does."
 )
 
 
@@ -61,8 +59,8 @@ def measure(study: Study) -> Outcome:
         _table(tries, "gap", "Narrow passage", "gap, cm", [f"{100 * g:.0f}" for g in scale.gaps_m], scale.gaps_m),
     ]
     note = (
-        f"No pose of the tool in a gap of {', '.join(f'{100 * g:.0f}' for g in impossible)} cm keeps the safety distance: nobody "
-        "may go there."
+        f"No pose of the tool in a gap of {', '.join(f'{100 * g:.0f}' for g in impossible)} cm keeps the safety distance: nobody may go "
+        "there."
         if impossible
         else ""
     )

@@ -36,16 +36,12 @@ BOX_MIN_M, BOX_MAX_M, SPREAD_M = 0.08, 0.18, 0.06  # of the one box near the way
 DRAWS = 40
 LEANS_DEG = (0.0, 30.0)  # straight down, as the demo grasps; and leaning, which is harder, see INTRO. Our choice
 INTRO = (
-    "{motions} motions from bin to bin whose tool axis keeps its direction all the way (turning about it is free) train a gas of {neurons} "
-    "neurons; nothing else says that the direction matters, and no edge is added afterwards. {plans} plans between poses in that "
-    "direction, a "
-    "box near the way in each, on this map and on the shipped one, which knows nothing of it. *Tilt*: angle between the tool's "
-    "axis and the "
-    "direction to be kept, looked at every 1/64 rad along what would be driven, so between neurons too. Straight down is a flat "
-    "subspace of "
-    "this arm's joint space (two sums of joints are constant), so a straight line between two such neurons keeps it by itself; "
-    "leaning by 30° "
-    "towards one side of the world is curved there, and is the harder test."
+    "{motions} motions from bin to bin whose tool axis keeps its direction all the way (turning about it is free) train a gas of "
+    "{neurons} neurons; nothing else says that the direction matters, and no edge is added afterwards. {plans} plans between poses in "
+    "that direction, a box near the way in each, on this map and on the shipped one, which knows nothing of it. *Tilt*: angle between "
+    "the tool's axis and the direction to be kept, looked at every 1/64 rad along what would be driven, so between neurons too. Straight "
+    "down is a flat subspace of this arm's joint space (two sums of joints are constant), so a straight line between two such neurons "
+    "keeps it by itself; leaning by 30° towards one side of the world is curved there, and is the harder test."
 )
 
 
@@ -78,9 +74,8 @@ def measure(study: Study) -> Outcome:
         notes.append(_edges_word(maps["constrained"], lean_deg))
     columns = ("lean, °", "map", "plan", "solved", "tilt p95, °", "tilt max, °", f"plans within {KEPT_DEG:.0f}°")
     note = (
-        f"Along the edges of the constrained maps themselves: {'; '.join(notes)}. By our rules a free straight joint line is "
-        "preferred to the "
-        "map, and corners are cut: both leave what the data taught."
+        f"Along the edges of the constrained maps themselves: {'; '.join(notes)}. By our rules a free straight joint line is preferred "
+        "to the map, and corners are cut: both leave what the data taught."
     )
     raw = [
         {"row": f"{t.lean_deg:g} {t.map_name} {t.how}", "plan": k, "worst_tilt_deg": worst}

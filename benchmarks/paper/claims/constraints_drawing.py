@@ -15,9 +15,8 @@ __all__ = ["draw"]
 
 COLOUR = {"constrained": COLOURS["gng"], "unconstrained": COLOURS["gamma_som"]}
 CAPTION = (
-    "Share of plans whose largest tilt stays below a bound, on the map that learned such motions (blue) and on the shipped "
-    "one (orange). The grey line is what "
-    "we call kept."
+    "Share of plans whose largest tilt stays below a bound, on the map that learned such motions (blue) and on the shipped one (orange). "
+    "The grey line is what we call kept."
 )
 
 

@@ -13,9 +13,8 @@ from benchmarks.paper.study import MODELS, Study
 __all__ = ["measure"]
 
 INTRO = (
-    "The wavefront finds the path of fewest neurons, Dijkstra the shortest one. Both plan on each map on {n} scenes, raw, by the "
-    "paper's rules; "
-    "compared over the scenes that both solved."
+    "The wavefront finds the path of fewest neurons, Dijkstra the shortest one. Both plan on each map on {n} scenes, raw, by the paper's "
+    "rules; compared over the scenes that both solved."
 )
 
 

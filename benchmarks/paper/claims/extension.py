@@ -31,13 +31,11 @@ SAMPLES_A_NEURON = 5  # as for the shipped map: 50 000 samples for 10 000 neuron
 GENERAL_SHARE = 6  # neurons for each general motion; our choice, as many samples a motion as the task has
 ATTEMPTS = 50
 INTRO = (
-    "General motions: RRTConnect between random free joint vectors, without obstacles. Task motions: those of the shipped map, "
-    "from bin to bin. "
-    "A gas of {n} neurons learns the general ones; *extended*: it then sees the task's motions and grows by {n} neurons; *from "
-    "scratch*: a gas of {both} "
-    "neurons learns both at once, or {both} the task alone. Old task: {q} questions of the set “off_task”; new task: {q} of the "
-    "set “task”; by our rules. "
-    "SOM and γ-SOM cannot be extended: their lattice has a fixed size, and `partial_fit` says so."
+    "General motions: RRTConnect between random free joint vectors, without obstacles. Task motions: those of the shipped map, from bin "
+    "to bin. A gas of {n} neurons learns the general ones; *extended*: it then sees the task's motions and grows by {n} neurons; *from "
+    "scratch*: a gas of {both} neurons learns both at once, or {both} the task alone. Old task: {q} questions of the set “off_task”; new "
+    "task: {q} of the set “task”; by our rules. SOM and γ-SOM cannot be extended: their lattice has a fixed size, and `partial_fit` says "
+    "so."
 )
 
 

@@ -13,9 +13,8 @@ from benchmarks.paper.study import MODELS, Study
 __all__ = ["measure"]
 
 INTRO = (
-    "Both maps have the same number of neurons and the same training motions; Dijkstra plans on {n} scenes, by the paper's rules "
-    "and by ours, "
-    "raw and smoothed. Compared is the joint length of what would be driven, over the scenes that both solved."
+    "Both maps have the same number of neurons and the same training motions; Dijkstra plans on {n} scenes, by the paper's rules and by "
+    "ours, raw and smoothed. Compared is the joint length of what would be driven, over the scenes that both solved."
 )
 
 

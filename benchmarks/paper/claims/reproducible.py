@@ -20,9 +20,8 @@ __all__ = ["measure"]
 
 F64 = NDArray[np.float64]
 INTRO = (
-    "The question of Table I, {n} times: ours with planners made anew each time, the sampling planners with a new seed each "
-    "time, as they run "
-    "by default. Equal means equal bytes of the whole path."
+    "The question of Table I, {n} times: ours with planners made anew each time, the sampling planners with a new seed each time, as "
+    "they run by default. Equal means equal bytes of the whole path."
 )
 
 

@@ -26,14 +26,12 @@ REPEATS = 5  # of each query; the fastest counts: the others were interrupted
 MB = 1e6
 LINEAR_WITHIN = 0.1  # our choice: farthest that a size may lie from the line, as a share of it
 INTRO = (
-    "Ours: for each cell a list of the neurons it blocks (uint16), and of the edges it blocks beyond their ends; a count a "
-    "neuron says how many "
-    "occupied cells block it, so that cells may come and go one by one. Bit-encoded (Wu 2005, named in the paper's outlook; its "
-    "text was not at hand, "
-    "so this is the plain form of the idea): for each cell that blocks anything one bit a neuron; blocked is the bitwise or of "
-    "the rows of all occupied "
-    "cells, read anew whenever a cell goes. Both by compiled code (numba; numpy's reduce). *Appear*: the boxes of {n} questions come into "
-    "an empty world. *Move*: they go on by one cell (2 cm). Both tables give the same blocked neurons in every query, or this part fails."
+    "Ours: for each cell a list of the neurons it blocks (uint16), and of the edges it blocks beyond their ends; a count a neuron says "
+    "how many occupied cells block it, so that cells may come and go one by one. Bit-encoded (Wu 2005, named in the paper's outlook; its "
+    "text was not at hand, so this is the plain form of the idea): for each cell that blocks anything one bit a neuron; blocked is the "
+    "bitwise or of the rows of all occupied cells, read anew whenever a cell goes. Both by compiled code (numba; numpy's reduce). "
+    "*Appear*: the boxes of {n} questions come into an empty world. *Move*: they go on by one cell (2 cm). Both tables give the same "
+    "blocked neurons in every query, or this part fails."
 )
 
 
@@ -147,10 +145,9 @@ def _smaller(sizes: list[Memory]) -> Verdict:
     smaller = ratio < 1.0
     holds = HOLDS if smaller and faster else IN_PART if smaller or faster else NOT
     said = (
-        f"at {largest.n_neurons} neurons {largest.bit_bytes / MB:.0f} MB of bits against {largest.ours_node_bytes / MB:.0f} MB of "
-        "lists (neurons only); "
-        f"appear {median(largest.us['bits appear'], 0)} µs against {median(largest.us['ours appear'], 0)} µs, "
-        f"move {median(largest.us['bits move'], 0)} µs against {median(largest.us['ours move'], 0)} µs"
+        f"at {largest.n_neurons} neurons {largest.bit_bytes / MB:.0f} MB of bits against {largest.ours_node_bytes / MB:.0f} MB of lists "
+        f"(neurons only); appear {median(largest.us['bits appear'], 0)} µs against {median(largest.us['ours appear'], 0)} µs, move "
+        f"{median(largest.us['bits move'], 0)} µs against {median(largest.us['ours move'], 0)} µs"
     )
     word = (
         "A bit a neuron pays when a cell blocks more than one neuron in sixteen; a list of uint16 pays below that. Ours also keep edges "

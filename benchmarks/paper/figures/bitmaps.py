@@ -24,10 +24,10 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 SHOWN = ("gamma_som", "gng")  # the paper's two
 INTRO = (
-    "The question of Table I on the two maps, by the paper's rules and Dijkstra. Each pixel is a neuron: red is blocked by the question's "
-    "cells, blue lies on the path; white places have no neuron. γ-SOM: row and column of its lattice. GNG has no lattice: its neurons are "
-    "laid onto the bitmap along the two smoothest functions on its graph (eigenvectors of the normalised Laplacian), cut in halves until "
-    "each place holds one. *Smoothed* shows the best matches along the smoothed curve."
+    "The question of Table I on the two maps, by the paper's rules and Dijkstra. Each pixel is a neuron: red is blocked by the "
+    "question's cells, blue lies on the path; white places have no neuron. γ-SOM: row and column of its lattice. GNG has no lattice: its "
+    "neurons are laid onto the bitmap along the two smoothest functions on its graph (eigenvectors of the normalised Laplacian), cut in "
+    "halves until each place holds one. *Smoothed* shows the best matches along the smoothed curve."
 )
 
 

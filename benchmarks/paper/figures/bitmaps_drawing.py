@@ -18,11 +18,9 @@ from benchmarks.paper.outcome import Figure, Outcome
 __all__ = ["draw"]
 
 CAPTION = (
-    "Cognitive maps among the boxes of the question: blocked neurons red, path blue (start: circle, goal: square). Left: neurons "
-    "of the raw "
-    "path. Middle: best matches along the smoothed curve; where no smoothed curve has free best matches it is rejected, and the "
-    "best matches "
-    "along the raw path are shown. Right: the tool's way in space, raw thin and smoothed bold."
+    "Cognitive maps among the boxes of the question: blocked neurons red, path blue (start: circle, goal: square). Left: neurons of the "
+    "raw path. Middle: best matches along the smoothed curve; where no smoothed curve has free best matches it is rejected, and the best "
+    "matches along the raw path are shown. Right: the tool's way in space, raw thin and smoothed bold."
 )
 
 

@@ -23,13 +23,10 @@ __all__ = ["Series", "measure"]
 
 RECORD = "data/dodge-record.npz"
 INTRO = (
-    "The whole stack runs in simulation (four depth cameras, perception, planner, robot; nobody reads the ground truth) while a "
-    "hand and boxes come in "
-    "the way. Of all new ways taken in motion during {seconds} the one that bends most from the way before is shown, from what "
-    "passed on the bus: "
-    "voxels seen by the cameras yellow, path planned at that moment green, path driven so far cyan. The paper's photo series "
-    "shows the same on the "
-    "real arm; it replans at least every {tick} and says {replan} for it."
+    "The whole stack runs in simulation (four depth cameras, perception, planner, robot; nobody reads the ground truth) while a hand and "
+    "boxes come in the way. Of all new ways taken in motion during {seconds} the one that bends most from the way before is shown, from "
+    "what passed on the bus: voxels seen by the cameras yellow, path planned at that moment green, path driven so far cyan. The paper's "
+    "photo series shows the same on the real arm; it replans at least every {tick} and says {replan} for it."
 )
 
 

@@ -21,8 +21,8 @@ __all__ = ["Ways", "measure"]
 
 F64 = NDArray[np.float64]
 INTRO = (
-    "Each sampling planner is asked the question of the tables {n} times with different seeds; its tool paths are drawn thin, ours "
-    "(GNG, Dijkstra, smoothed, checked rules; the same each time) bold and blue. Above: as found; below: simplified by OMPL."
+    "Each sampling planner is asked the question of the tables {n} times with different seeds; its tool paths are drawn thin, ours (GNG, "
+    "Dijkstra, smoothed, checked rules; the same each time) bold and blue. Above: as found; below: simplified by OMPL."
 )
 
 

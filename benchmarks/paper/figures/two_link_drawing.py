@@ -17,11 +17,9 @@ __all__ = ["draw"]
 
 ROW_CELL = (15, 15)  # the cell whose row of the table is shown
 CAPTION = (
-    "Left: the plane in cells; the obstacle red, one of its cells (outlined) read in the table; the arm along the path round it, "
-    "from light to "
-    "dark. Middle: that cell's row of the table, the neurons whose arm sweeps it. Right: the neurons that all nine cells block "
-    "(red) and the "
-    "paths in the map before (dashed) and after the obstacle came (blue)."
+    "Left: the plane in cells; the obstacle red, one of its cells (outlined) read in the table; the arm along the path round it, from "
+    "light to dark. Middle: that cell's row of the table, the neurons whose arm sweeps it. Right: the neurons that all nine cells block "
+    "(red) and the paths in the map before (dashed) and after the obstacle came (blue)."
 )
 
 

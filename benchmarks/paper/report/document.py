@@ -16,15 +16,14 @@ HOLDS_ORDER = (HOLDS, IN_PART, NOT, UNDECIDED)
 GROUP_TITLES = {"tables": "Tables", "figures": "Figures", "claims": "Claims"}
 LEAD = (
     "Each table, figure and claim of the paper beside ours: the paper's number, our number, its spread and n, and a word where ours "
-    "differs or the claim does not hold. Everything here was measured by `tolman paper`; nothing is typed in. Where a number of the paper "
-    "was not at hand, it says so."
+    "differs or the claim does not hold. Everything here was measured by `tolman paper`; nothing is typed in. Where a number of the "
+    "paper was not at hand, it says so."
 )
 DIFFERS = (
     "**What differs from the paper, everywhere.** Our arm is a UR3 in simulation (the paper: a real UR3e); training motions come from a "
-    "sampling planner between two bins, half of them among boxes (the paper: motions of its own task); the machine is the one "
-    "named here (the "
-    "paper's is not at hand); code is numba on one thread. Start and goal are inverse-kinematics poses that no training motion holds. "
-    "Times are wall-clock times on a machine that does other work as well."
+    "sampling planner between two bins, half of them among boxes (the paper: motions of its own task); the machine is the one named here "
+    "(the paper's is not at hand); code is numba on one thread. Start and goal are inverse-kinematics poses that no training motion "
+    "holds. Times are wall-clock times on a machine that does other work as well."
 )
 
 
