@@ -59,7 +59,7 @@ FULL = Scale(
     constraint_neurons=5000,
     n_plans=100,
     extend_neurons=5000,
-    n_extend_scenes=100,
+    n_extend_scenes=200,
     dodge_s=60.0,
 )
 

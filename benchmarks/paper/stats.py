@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import binomtest, wilcoxon
 
-__all__ = ["mean_sigma", "median", "paired", "percentile", "share", "sign_word"]
+__all__ = ["mcnemar", "mean_sigma", "median", "paired", "percentile", "share", "sign_word"]
 
 Values = Sequence[float] | NDArray[np.float64]
 NOTHING = "–"
@@ -47,6 +47,13 @@ def paired(a: Values, b: Values) -> tuple[float, int, float]:
         return float("nan"), 0, 1.0
     p = 1.0 if np.allclose(first, second) else float(wilcoxon(first, second).pvalue)
     return float(np.median(first / second)), int(np.sum(first < second)), p
+
+
+def mcnemar(before: Sequence[bool], after: Sequence[bool]) -> float:
+    """McNemar's exact two-sided p that of paired yes and no as many changed one way as the other."""
+    gained = sum(b and not a for a, b in zip(before, after, strict=True))
+    lost = sum(a and not b for a, b in zip(before, after, strict=True))
+    return float(binomtest(gained, gained + lost).pvalue) if gained + lost else 1.0
 
 
 def sign_word(p: float) -> str:

@@ -37,11 +37,11 @@ DRAWS = 40
 LEANS_DEG = (0.0, 30.0)  # straight down, as the demo grasps; and leaning, which is harder, see INTRO. Our choice
 INTRO = (
     "{motions} motions from bin to bin whose tool axis keeps its direction all the way (turning about it is free) train a gas of "
-    "{neurons} neurons; nothing else says that the direction matters, and no edge is added afterwards. {plans} plans between poses in "
-    "that direction, a box near the way in each, on this map and on the shipped one, which knows nothing of it. *Tilt*: angle between "
-    "the tool's axis and the direction to be kept, looked at every 1/64 rad along what would be driven, so between neurons too. Straight "
-    "down is a flat subspace of this arm's joint space (two sums of joints are constant), so a straight line between two such neurons "
-    "keeps it by itself; leaning by 30° towards one side of the world is curved there, and is the harder test."
+    "{neurons} neurons; nothing else says that the direction matters, and no edge is added afterwards. {plans} plans between the ends of "
+    "further such motions, a box near the way in each, on this map and on the shipped one, which knows nothing of it. *Tilt*: angle "
+    "between the tool's axis and the direction to be kept, looked at every 1/64 rad along what would be driven, so between neurons too. "
+    "Straight down is a flat subspace of this arm's joint space (two sums of joints are constant), so a straight line between two such "
+    "neurons keeps it by itself; leaning by 30° towards one side of the world is curved there, and is the harder test."
 )
 
 

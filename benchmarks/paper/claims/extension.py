@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from benchmarks.paper.ask import Variant, answer
 from benchmarks.paper.maps import KeptMap, kept_map
 from benchmarks.paper.outcome import HOLDS, IN_PART, NOT, NOT_AT_HAND, UNDECIDED, Holds, Outcome, Table, Verdict
-from benchmarks.paper.stats import share
+from benchmarks.paper.stats import mcnemar, share
 from benchmarks.paper.study import Study
 from benchmarks.questions import Question
 from services.planner.core.cognitive_map import CognitiveMap, quantisation_error_rad
@@ -23,13 +23,14 @@ from services.planner.offline.growth import gas_parameters
 from services.planner.offline.motions import resample
 from services.planner.offline.scene import Scene
 
-__all__ = ["Learned", "measure"]
+__all__ = ["Learned", "measure", "verdict_on"]
 
 F64 = NDArray[np.float64]
 STREAM = 97  # of the generator, so that other parts draw other numbers
 SAMPLES_A_NEURON = 5  # as for the shipped map: 50 000 samples for 10 000 neurons
 GENERAL_SHARE = 6  # neurons for each general motion; our choice, as many samples a motion as the task has
 ATTEMPTS = 50
+BY_CHANCE, FEWEST = 0.05, 10  # a p below is no chance; fewer questions decide nothing
 INTRO = (
     "General motions: RRTConnect between random free joint vectors, without obstacles. Task motions: those of the shipped map, from bin "
     "to bin. A gas of {n} neurons learns the general ones; *extended*: it then sees the task's motions and grows by {n} neurons; *from "
@@ -41,16 +42,30 @@ INTRO = (
 
 @dataclass(frozen=True)
 class Learned:
-    """One map: seconds of training, quantisation errors in rad, questions solved of those asked."""
+    """One map: seconds of training, quantisation errors in rad, and which questions of either task it solves."""
 
     name: str
     n_neurons: int
     training_s: float
     general_error_rad: float
     task_error_rad: float
-    n_old: int
-    n_new: int
-    n_asked: int
+    old: tuple[bool, ...]
+    new: tuple[bool, ...]
+
+    @property
+    def n_old(self) -> int:
+        """Questions of the old task that it solves."""
+        return sum(self.old)
+
+    @property
+    def n_new(self) -> int:
+        """Questions of the new task that it solves."""
+        return sum(self.new)
+
+    @property
+    def n_asked(self) -> int:
+        """Questions of each task."""
+        return len(self.old)
 
 
 def measure(study: Study) -> Outcome:
@@ -75,9 +90,8 @@ def measure(study: Study) -> Outcome:
                 training_s=kept.seconds["training"],
                 general_error_rad=quantisation_error_rad(kept.learned, general),
                 task_error_rad=quantisation_error_rad(kept.learned, task),
-                n_old=_solved(study, kept, old, name),
-                n_new=_solved(study, kept, new, name),
-                n_asked=m,
+                old=_solved(study, kept, old, name),
+                new=_solved(study, kept, new, name),
             )
         )
     rows = [
@@ -107,9 +121,9 @@ def measure(study: Study) -> Outcome:
     )
     return Outcome(
         INTRO.format(n=n, both=2 * n, q=m),
-        rows=[{"row": k.name, **msgspec.to_builtins(k)} for k in learned],
+        rows=[{"row": k.name, **msgspec.to_builtins(k), "n_old": k.n_old, "n_new": k.n_new} for k in learned],
         tables=[Table("Extended and from scratch", columns, rows, note)],
-        verdicts=[_verdict(learned)],
+        verdicts=[verdict_on(learned)],
         data=learned,
     )
 
@@ -158,27 +172,37 @@ def _kept(study: Study, name: str, inputs: list[int], learn: Callable[[], Cognit
     return kept
 
 
-def _solved(study: Study, kept: KeptMap, questions: Sequence[Question], name: str) -> int:
+def _solved(study: Study, kept: KeptMap, questions: Sequence[Question], name: str) -> tuple[bool, ...]:
     parts = study.on(kept.roadmap("gng"))
     planner, variant = parts.motion_planner(), Variant("gng", "dijkstra", True, "checked")
-    return sum(answer(parts, planner, question, variant).solved for question in study.shown(questions, name, len(questions)))
+    return tuple(answer(parts, planner, question, variant).solved for question in study.shown(questions, name, len(questions)))
 
 
-def _verdict(learned: Sequence[Learned]) -> Verdict:
+def verdict_on(learned: Sequence[Learned]) -> Verdict:
+    """Faster than anew, nothing of the old task lost beyond chance, more of the new one solved beyond chance."""
     by = {k.name: k for k in learned}
     base, extended, scratch = by["general only"], by["extended by the task"], by["from scratch, both"]
-    faster, keeps, gains = extended.training_s < scratch.training_s, extended.n_old >= base.n_old, extended.n_new > base.n_new
-    good = [faster, keeps, gains]
-    holds: Holds = UNDECIDED if extended.n_asked < 10 else HOLDS if all(good) else IN_PART if any(good) else NOT
+    lost, gained = mcnemar(base.old, extended.old), mcnemar(base.new, extended.new)
+    good = [
+        extended.training_s < scratch.training_s,
+        extended.n_old >= base.n_old or lost >= BY_CHANCE,
+        extended.n_new > base.n_new and gained < BY_CHANCE,
+    ]
+    holds: Holds = UNDECIDED if extended.n_asked < FEWEST else HOLDS if all(good) else IN_PART if any(good) else NOT
     said = (
         f"training {extended.training_s:.1f} s against {scratch.training_s:.1f} s from scratch; old task solved {base.n_old} -> "
-        f"{extended.n_old}, new task {base.n_new} -> {extended.n_new}, of {base.n_asked}"
+        f"{extended.n_old} (p = {lost:.2g}), new task {base.n_new} -> {extended.n_new} (p = {gained:.2g}), of {base.n_asked}"
     )
-    error = [f"{k.task_error_rad:.3f} rad" for k in (base, extended, scratch)]
+    three = (base, extended, scratch)
+    task, general = ([f"{getattr(k, what):.3f} rad" for k in three] for what in ("task_error_rad", "general_error_rad"))
     details = [
-        f"error on the task: {error[0]} before, {error[1]} extended, {error[2]} from scratch",
+        f"error on the task: {task[0]} before, {task[1]} extended, {task[2]} from scratch",
+        f"error on the general motions: {general[0]} before, {general[1]} extended, {general[2]} from scratch",
         f"old task: {base.n_old} of {base.n_asked} before, {extended.n_old} extended, {scratch.n_old} from scratch",
         f"new task: {base.n_new} of {base.n_asked} before, {extended.n_new} extended, {scratch.n_new} from scratch",
     ]
-    word = "*Holds* means: faster than training anew on both, nothing of the old task lost, and more of the new one solved than before."
+    word = (
+        "*Holds* means: faster than training anew on both, nothing of the old task lost beyond chance, and more of the new one solved "
+        "beyond chance (McNemar's exact test on the same questions)."
+    )
     return Verdict("A gas can be extended by a new task", NOT_AT_HAND, said, holds, word, details)

@@ -11,6 +11,7 @@ from benchmarks.paper.ask import Answer, Variant
 from benchmarks.paper.claims.big_obstacles import EDGES_M, Fall
 from benchmarks.paper.claims.big_obstacles import _verdict as verdict_on_obstacles
 from benchmarks.paper.claims.big_obstacles_drawing import failed_share
+from benchmarks.paper.claims.extension import Learned, verdict_on
 from benchmarks.paper.claims.pairs import Pair, holds_of, together
 from benchmarks.paper.claims.smoothing_cost import _costliest
 from benchmarks.paper.outcome import HOLDS, IN_PART, NOT, UNDECIDED
@@ -96,6 +97,23 @@ def test_the_tail_decides_whether_a_motion_is_there_in_time() -> None:
     assert verdict([5.0] * 80 + [500.0] * 20) == IN_PART
     assert verdict([30.0] * 10) == NOT
     assert verdict([]) == UNDECIDED
+
+
+def learned(name: str, training_s: float, n_old: int, n_new: int, n: int = 40) -> Learned:
+    solved = [tuple(k < count for k in range(n)) for count in (n_old, n_new)]
+    return Learned(name, 100, training_s, 0.3, 0.3, *solved)
+
+
+def test_an_extension_must_be_faster_keep_the_old_and_gain_the_new() -> None:
+    def verdict(training_s: float, n_old: int, n_new: int) -> str:
+        base, scratch = learned("general only", 3.0, 30, 10), learned("from scratch, both", 6.0, 30, 30)
+        return verdict_on([base, learned("extended by the task", training_s, n_old, n_new), scratch]).holds
+
+    assert verdict(4.0, 30, 30) == HOLDS
+    assert verdict(8.0, 30, 30) == IN_PART
+    assert verdict(4.0, 5, 30) == IN_PART  # forgotten
+    assert verdict(4.0, 30, 12) == IN_PART  # gained by chance
+    assert verdict(8.0, 5, 10) == NOT
 
 
 def test_numbers_become_words() -> None:
