@@ -11,13 +11,14 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Drawing
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullFormatter
 from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 from numpy.typing import NDArray
 
 from benchmarks.paper.outcome import Figure
 from common.robot.solids import box_mesh
 
-__all__ = ["COLOURS", "add_boxes", "limits_of", "new_drawing", "plots", "save", "space_axes", "style"]
+__all__ = ["COLOURS", "add_boxes", "limits_of", "new_drawing", "plain_log", "plots", "save", "space_axes", "style"]
 
 F64 = NDArray[np.float64]
 Limits = tuple[tuple[float, float], ...]
@@ -47,6 +48,8 @@ STYLE = {
     "axes.axisbelow": True,
     "axes.titlesize": 10.5,
     "legend.frameon": False,
+    "savefig.bbox": "tight",
+    "savefig.pad_inches": 0.08,
     "svg.hashsalt": "tolman",  # equal figures are equal bytes
 }
 
@@ -66,6 +69,13 @@ def new_drawing(width_in: float, height_in: float, layout: Literal["constrained"
 def plots(drawing: Drawing, rows: int, columns: int, **options: Any) -> Any:
     """(rows, columns) array of axes."""
     return drawing.subplots(rows, columns, squeeze=False, **options)
+
+
+def plain_log(axis: Any, ticks: Sequence[float]) -> None:
+    """A logarithmic axis with these ticks, written as plain numbers."""
+    axis.set_major_locator(FixedLocator(list(ticks)))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def save(drawing: Drawing, folder: Path, stem: str, caption: str) -> Figure:

@@ -31,6 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--only", default="", metavar="TEXT", help="of tables only the rows with this in their name, as gng-astar-raw-checked"
     )
     parser.add_argument("--dodge", type=Path, metavar="FILE", help="draw this recorded dodge instead of running the stack")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="also write a copy without raw results there: report.md and PNGs")
     parser.add_argument("--list", action="store_true", help="list the parts and end")
     add_cell_arguments(parser)
 
@@ -41,7 +42,7 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         print(_listed())
         return 0
-    from benchmarks.paper.report.write import write_report  # noqa: PLC0415  matplotlib and the planner's kernels take seconds to load
+    from benchmarks.paper.report.write import keep_copy, write_report  # noqa: PLC0415  matplotlib and the planner's kernels take seconds to load
     from benchmarks.paper.run import run_parts  # noqa: PLC0415
     from benchmarks.paper.scale import FULL, QUICK  # noqa: PLC0415
     from benchmarks.paper.study import StackOf, Study  # noqa: PLC0415
@@ -57,6 +58,8 @@ def run(args: argparse.Namespace) -> int:
             run_parts(study, [name], args.out)
         print(f"[{k + 1}/{len(names)}] {name}: done in {time.monotonic() - part_s:.0f} s", file=sys.stderr, flush=True)
         paths = write_report(args.out, NAMES)
+    if args.keep is not None:
+        paths.append(keep_copy(args.out, NAMES, args.keep))
     print(f"{' '.join(str(path) for path in paths)} after {time.monotonic() - began_s:.0f} s")
     return 0
 

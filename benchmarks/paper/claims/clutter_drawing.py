@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.paper.canvas import COLOURS, new_drawing, plots, save
+from benchmarks.paper.canvas import COLOURS, new_drawing, plain_log, plots, save
 from benchmarks.paper.claims.clutter import PEER, WAYS, Try, way_name
 from benchmarks.paper.outcome import Figure, Outcome
 
@@ -32,6 +32,7 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
             panels[1, column].plot(x, times, "o-", color=COLOUR[way])
         panels[0, column].set(ylim=(-2.0, 102.0), xlabel=label, ylabel="solved, %")
         panels[1, column].set(yscale="log", xlabel=label, ylabel="median answer, ms")
+        plain_log(panels[1, column].yaxis, [1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0, 200.0, 500.0])
     panels[0, 0].legend(fontsize=9)
     caption = "Share solved and median time: boxes about the way (left) and a gap to reach into (right)."
     return [save(drawing, folder, "clutter", caption)]

@@ -33,7 +33,7 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
                 shares = np.arange(len(worst) + 1) / len(worst)
                 axes.step([0.0, *worst], shares, where="post", color=COLOUR[tilts.map_name], linewidth=1.9, label=tilts.map_name)
             axes.axvline(KEPT_DEG, color=COLOURS["paper"], linewidth=1.0)
-            axes.set(title=f"{how}, lean {lean_deg:.0f}°", ylim=(0.0, 1.02), xlim=(0.0, None))
+            axes.set(title=f"{how}, lean {lean_deg:.0f}°", ylim=(0.0, 1.02), xlim=(-2.0, None))
         panels[row, 0].set_ylabel("share of plans")
     for axes in panels[-1]:
         axes.set_xlabel("largest tilt of a plan, °")

@@ -18,7 +18,7 @@ ROOM = 1.05  # of the axes beyond the largest value
 
 def draw_pairs(pairs: Sequence[Pair], folder: Path, stem: str, labels: tuple[str, str], caption: str) -> Sequence[Figure]:
     """One panel a pair; ``labels`` of a (upright) and b (along)."""
-    drawing = new_drawing(3.6 * len(pairs), 3.7)
+    drawing = new_drawing(3.3 * len(pairs), 3.7)
     for axes, pair in zip(plots(drawing, 1, len(pairs))[0], pairs, strict=True):
         top = ROOM * max([*pair.a, *pair.b, 1e-9])
         axes.plot([0.0, top], [0.0, top], color=COLOURS["paper"], linewidth=1.0)

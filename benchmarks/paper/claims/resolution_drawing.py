@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.paper.canvas import COLOURS, new_drawing, plots, save
+from benchmarks.paper.canvas import COLOURS, new_drawing, plain_log, plots, save
 from benchmarks.paper.claims.resolution import Size
 from benchmarks.paper.outcome import Figure, Outcome
 
@@ -27,7 +27,10 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
     left.plot(n, middle, "o-", color=COLOURS["gng"], label="step on paths")
     left.plot(n, [size.edge_median_rad for size in sizes], "s--", color=COLOURS["som"], label="edge of the map")
     left.set(xscale="log", yscale="log", xlabel="neurons", ylabel="rad")
+    plain_log(left.yaxis, [0.1, 0.2, 0.3, 0.5, 0.8, 1.2, 2.0])
     left.legend()
     right.plot(n, [100.0 * size.n_solved / size.n_asked for size in sizes], "o-", color=COLOURS["checked"])
     right.set(xscale="log", xlabel="neurons", ylabel="solved, %", ylim=(0.0, 102.0))
+    for axes in (left, right):
+        plain_log(axes.xaxis, n)
     return [save(drawing, folder, "resolution", CAPTION)]

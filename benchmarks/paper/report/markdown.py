@@ -15,8 +15,8 @@ QUICK_WORD = (
 )
 
 
-def markdown(document: Document) -> str:
-    """The whole report; figures and data are linked relative to it."""
+def markdown(document: Document, *, has_data: bool = True) -> str:
+    """The whole report; figures and, if it ``has_data``, raw results are linked relative to it."""
     lines = [f"# {document.title}", "", document.lead, ""]
     if any(section.scale != "full" for _, part in document.groups for section in part):
         lines += [QUICK_WORD, ""]
@@ -28,12 +28,12 @@ def markdown(document: Document) -> str:
     for title, sections in document.groups:
         lines += [f"## {title}", ""]
         for section in sections:
-            lines += _section(section)
+            lines += _section(section, has_data)
     lines += [f"## {document.known.title}", "", *_table(document.known)]
     return "\n".join(lines).rstrip() + "\n"
 
 
-def _section(section: Section) -> Iterator[str]:
+def _section(section: Section, has_data: bool) -> Iterator[str]:
     yield from (f"### {section.title}", "", section.intro, "")
     for verdict in section.verdicts:
         yield from _verdict(verdict)
@@ -42,16 +42,19 @@ def _section(section: Section) -> Iterator[str]:
     for table in section.tables:
         yield from (f"**{table.title}**", "")
         yield from _table(table)
-    yield from (redo(section), "")
+    yield from (redo(section, has_data=has_data), "")
 
 
-def redo(section: Section) -> str:
+def redo(section: Section, *, has_data: bool = True) -> str:
     """How to measure a section again, and where its raw rows are."""
     words = [f"tolman paper {section.name}", "--quick" if section.scale == "quick" else "", f"--seed {section.provenance['seed']}"]
     only = f" (only rows with `{section.only}`)" if section.only else ""
+    again = f"Again: `{' '.join(word for word in words if word)}`{only}; {section.seconds:.0f} s. "
+    if not has_data:
+        return f"{again}Measured at commit {section.provenance['commit']}; raw results come with a run."
     return (
-        f"Again: `{' '.join(word for word in words if word)}`{only}; {section.seconds:.0f} s. Raw: [CSV](data/{section.name}.csv), "
-        f"[JSON](data/{section.name}.json) with seed, config, machine and commit {section.provenance['commit']}."
+        f"{again}Raw: [CSV](data/{section.name}.csv), [JSON](data/{section.name}.json) with seed, config, machine and commit "
+        f"{section.provenance['commit']}."
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -11,7 +12,7 @@ import pytest
 from benchmarks.paper.experiment import Experiment
 from benchmarks.paper.outcome import HOLDS, NOT, Figure, Outcome, Table, Verdict
 from benchmarks.paper.report.section import Section, read_sections, write_section
-from benchmarks.paper.report.write import write_report
+from benchmarks.paper.report.write import keep_copy, write_report
 from benchmarks.provenance import provenance
 from common.errors import ArtefactError
 
@@ -73,6 +74,17 @@ def test_a_quick_section_makes_the_report_say_so(report: Path) -> None:
     write_section(section("table2", "tables", Outcome("How."), scale="quick"), report)
     for path in write_report(report, ["table1", "table2"]):
         assert "quick run" in path.read_text(encoding="utf-8")
+
+
+def test_a_kept_copy_links_nothing_that_it_does_not_hold(report: Path, tmp_path: Path) -> None:
+    (report / "figures").mkdir()
+    (report / "figures" / "a-figure.png").write_bytes(b"PNG")
+    copy = keep_copy(report, ["table1", "gng-shorter"], tmp_path / "copy")
+    text = copy.read_text(encoding="utf-8")
+    links = re.findall(r"\]\(([^)]+)\)", text)
+    assert links
+    assert all((copy.parent / link).exists() for link in links)
+    assert "12.5 ms of 20" in text
 
 
 def test_sections_come_in_the_order_of_the_report(report: Path) -> None:
