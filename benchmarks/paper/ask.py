@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.questions import Question
+from common.errors import RequestError
 from services.planner.assemble import Parts
 from services.planner.core.find import SEARCHES, Rules
 from services.planner.core.lookup import BlockedCounts
@@ -41,9 +42,16 @@ class Variant:
 
 
 def variants(models: tuple[str, ...], searches: tuple[str, ...] = ALGORITHMS, only: str = "") -> list[Variant]:
-    """All ways of planning, the paper's rules first; ``only``: those whose name contains it."""
+    """All ways of planning, the paper's rules first; ``only``: those whose name contains it.
+
+    Raises:
+        RequestError: no name contains it.
+    """
     every = [Variant(m, s, smooth, rules) for rules in RULES for m in models for s in searches for smooth in (False, True)]
-    return [variant for variant in every if only in variant.name]
+    found = [variant for variant in every if only in variant.name]
+    if not found:
+        raise RequestError(f"--only {only}: no row is called so; rows are called like {every[0].name}", code="unknown_row")
+    return found
 
 
 @dataclass(frozen=True, eq=False)

@@ -20,12 +20,14 @@ from benchmarks.paper.study import Study
 from benchmarks.peers.peer import Setting, path_length_rad
 from benchmarks.peers.registry import make_peer
 from benchmarks.questions import Question
+from common.errors import RequestError
 
 __all__ = ["PLANNERS", "PeerRun", "measure", "name_of", "peer_runs", "verdict_on_time"]
 
 F64 = NDArray[np.float64]
 REPLAN_MS = 20.0  # the paper's abstract
 PLANNERS = ("ompl_prm", "ompl_rrt", "ompl_rrt_connect")
+OURS = tuple(Variant("gng", "dijkstra", True, rules) for rules in RULES)
 COLUMNS = ("planner", "solved", "time, ms", "p95, ms", "length, rad", "collide (coal)", "paper")
 INTRO = (
     "PRM, RRT and RRTConnect of OMPL plan in full joint space with coal on convex pieces of the arm as collision checker: the same "
@@ -51,6 +53,10 @@ class PeerRun:
 def measure(study: Study) -> Outcome:
     """Both tables."""
     n, scenes, question = study.scale.n_runs, study.scenes(study.scale.n_scenes), the_question(study)
+    if not any(study.only in name for name in (*PLANNERS, *(v.name for v in OURS))):
+        raise RequestError(
+            f"--only {study.only}: no row is called so; rows are: {', '.join((*PLANNERS, *(v.name for v in OURS)))}", code="unknown_row"
+        )
     one = _judged(study, [*_ours(study, [question] * n), *peer_runs(study, [question] * n)], {question.index: question})
     many = _judged(study, [*_ours(study, scenes), *peer_runs(study, scenes)], {q.index: q for q in scenes})
     tables = [
@@ -110,8 +116,7 @@ def peer_runs(study: Study, asked: Sequence[Question]) -> list[PeerRun]:
 
 def _ours(study: Study, asked: Sequence[Question]) -> list[PeerRun]:
     parts, runs = study.gng, []
-    for rules in RULES:
-        variant = Variant("gng", "dijkstra", True, rules)
+    for variant in OURS:
         if study.only not in variant.name:
             continue
         planner = parts.motion_planner()

@@ -28,7 +28,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--quick", action="store_true", help="small maps and few runs: every part in under 3 minutes, no figure means much")
     parser.add_argument("--seed", type=int, default=0, help="of scenes and sampling planners (default: %(default)s)")
     parser.add_argument(
-        "--only", default="", metavar="TEXT", help="of tables only the rows with this in their name, as gng-astar-raw-checked"
+        "--only",
+        default="",
+        metavar="TEXT",
+        help="of table1 and table2 only rows with this in their name (gng-astar-raw-checked, ompl_prm): printed, not put into the report",
     )
     parser.add_argument("--dodge", type=Path, metavar="FILE", help="draw this recorded dodge instead of running the stack")
     parser.add_argument("--keep", type=Path, metavar="DIR", help="also write a copy without raw results there: report.md and PNGs")
@@ -42,6 +45,7 @@ def run(args: argparse.Namespace) -> int:
     if args.list:
         print(_listed())
         return 0
+    from benchmarks.paper.report.markdown import section_markdown  # noqa: PLC0415
     from benchmarks.paper.report.write import keep_copy, write_report  # noqa: PLC0415  matplotlib and the planner's kernels take seconds to load
     from benchmarks.paper.run import run_parts  # noqa: PLC0415
     from benchmarks.paper.scale import FULL, QUICK  # noqa: PLC0415
@@ -55,9 +59,15 @@ def run(args: argparse.Namespace) -> int:
     for k, name in enumerate(names):
         part_s = time.monotonic()
         with _progress(f"[{k + 1}/{len(names)}] {name}") as study.tell:
-            run_parts(study, [name], args.out)
+            sections = run_parts(study, [name], args.out)
         print(f"[{k + 1}/{len(names)}] {name}: done in {time.monotonic() - part_s:.0f} s", file=sys.stderr, flush=True)
-        paths = write_report(args.out, NAMES)
+        if args.only:
+            print("\n".join(section_markdown(section) for section in sections))
+            continue
+        write_report(args.out, NAMES)
+    if args.only:
+        return 0
+    paths = write_report(args.out, NAMES)
     if args.keep is not None:
         paths.append(keep_copy(args.out, NAMES, args.keep))
     print(f"{' '.join(str(path) for path in paths)} after {time.monotonic() - began_s:.0f} s")

@@ -8,7 +8,7 @@ from benchmarks.paper.outcome import Table, Verdict
 from benchmarks.paper.report.document import Document
 from benchmarks.paper.report.section import Section
 
-__all__ = ["markdown"]
+__all__ = ["QUICK_WORD", "markdown", "redo", "section_markdown"]
 
 QUICK_WORD = (
     "> **A quick run on small maps.** It shows that every part works; its numbers mean nothing. `tolman paper` without `--quick` measures."
@@ -33,6 +33,11 @@ def markdown(document: Document, *, has_data: bool = True) -> str:
     return "\n".join(lines).rstrip() + "\n"
 
 
+def section_markdown(section: Section) -> str:
+    """One section by itself."""
+    return "\n".join(_section(section, has_data=True)).rstrip() + "\n"
+
+
 def _section(section: Section, has_data: bool) -> Iterator[str]:
     yield from (f"### {section.title}", "", section.intro, "")
     for verdict in section.verdicts:
@@ -47,9 +52,9 @@ def _section(section: Section, has_data: bool) -> Iterator[str]:
 
 def redo(section: Section, *, has_data: bool = True) -> str:
     """How to measure a section again, and where its raw rows are."""
-    words = [f"tolman paper {section.name}", "--quick" if section.scale == "quick" else "", f"--seed {section.provenance['seed']}"]
-    only = f" (only rows with `{section.only}`)" if section.only else ""
-    again = f"Again: `{' '.join(word for word in words if word)}`{only}; {section.seconds:.0f} s. "
+    words = [f"tolman paper {section.name.removesuffix('.only')}", "--quick" if section.scale == "quick" else ""]
+    words += [f"--only {section.only}" if section.only else "", f"--seed {section.provenance['seed']}"]
+    again = f"Again: `{' '.join(word for word in words if word)}`; {section.seconds:.0f} s. "
     if not has_data:
         return f"{again}Measured at commit {section.provenance['commit']}; raw results come with a run."
     return (

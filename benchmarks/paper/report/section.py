@@ -42,7 +42,7 @@ class Section(msgspec.Struct, frozen=True, kw_only=True):
     ) -> Section:
         """The section of an experiment's outcome."""
         return Section(
-            name=experiment.name,
+            name=f"{experiment.name}.only" if only else experiment.name,  # some rows never stand in for all
             group=experiment.group,
             title=experiment.title,
             intro=outcome.intro,

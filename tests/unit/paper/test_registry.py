@@ -4,6 +4,7 @@ import importlib
 
 import pytest
 
+from benchmarks.paper.ask import variants
 from benchmarks.paper.registry import GROUPS, NAMES, PARTS, experiment, resolve
 from clients.cli.main import main
 from common.errors import RequestError
@@ -69,3 +70,10 @@ def test_the_command_lists_its_parts(capsys: pytest.CaptureFixture[str]) -> None
     assert main(["paper", "--list"]) == 0
     shown = capsys.readouterr().out
     assert all(name in shown for name in NAMES)
+
+
+def test_rows_are_chosen_by_name_and_an_unknown_one_is_an_error() -> None:
+    assert [variant.name for variant in variants(("gng", "som"), only="gng-astar-raw")] == ["gng-astar-raw-paper", "gng-astar-raw-checked"]
+    with pytest.raises(RequestError, match="rows are called like") as error:
+        variants(("gng",), only="gnu")
+    assert error.value.code == "unknown_row"
