@@ -81,31 +81,28 @@ def measure(study: Study) -> Outcome:
         "from scratch, task only": _kept(study, "scratch-task", [2 * n], lambda: _fit(study, task, 2 * n)),
     }
     old, new = study.scenes(m, "off_task"), study.scenes(m)
-    learned = []
-    for name, kept in maps.items():
-        learned.append(
-            Learned(
-                name,
-                n_neurons=kept.learned.n_neurons,
-                training_s=kept.seconds["training"],
-                general_error_rad=quantisation_error_rad(kept.learned, general),
-                task_error_rad=quantisation_error_rad(kept.learned, task),
-                old=_solved(study, kept, old, name),
-                new=_solved(study, kept, new, name),
-            )
+    learned = [
+        Learned(
+            name,
+            n_neurons=kept.learned.n_neurons,
+            training_s=kept.seconds["training"],
+            general_error_rad=quantisation_error_rad(kept.learned, general),
+            task_error_rad=quantisation_error_rad(kept.learned, task),
+            old=_solved(study, kept, old, name),
+            new=_solved(study, kept, new, name),
         )
-    rows = [
-        [
-            k.name,
-            str(k.n_neurons),
-            f"{k.training_s:.1f}",
-            f"{k.general_error_rad:.3f}",
-            f"{k.task_error_rad:.3f}",
-            share(k.n_old, m),
-            share(k.n_new, m),
-        ]
-        for k in learned
+        for name, kept in maps.items()
     ]
+    return Outcome(
+        INTRO.format(n=n, both=2 * n, q=m),
+        rows=[{"row": k.name, **msgspec.to_builtins(k), "n_old": k.n_old, "n_new": k.n_new} for k in learned],
+        tables=[_table(learned)],
+        verdicts=[verdict_on(learned)],
+        data=learned,
+    )
+
+
+def _table(learned: Sequence[Learned]) -> Table:
     columns = (
         "map",
         "neurons",
@@ -119,13 +116,12 @@ def measure(study: Study) -> Outcome:
         "Training: seconds of learning alone, without motions and table, when the map was made. Error: mean distance of samples to their "
         "best match."
     )
-    return Outcome(
-        INTRO.format(n=n, both=2 * n, q=m),
-        rows=[{"row": k.name, **msgspec.to_builtins(k), "n_old": k.n_old, "n_new": k.n_new} for k in learned],
-        tables=[Table("Extended and from scratch", columns, rows, note)],
-        verdicts=[verdict_on(learned)],
-        data=learned,
-    )
+    rows = []
+    for k in learned:
+        errors = [f"{error_rad:.3f}" for error_rad in (k.general_error_rad, k.task_error_rad)]
+        solved = [share(n, k.n_asked) for n in (k.n_old, k.n_new)]
+        rows.append([k.name, str(k.n_neurons), f"{k.training_s:.1f}", *errors, *solved])
+    return Table("Extended and from scratch", columns, rows, note)
 
 
 def _general_samples(study: Study) -> F64:

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from benchmarks.paper import words
 from benchmarks.paper.ask import RULES, Variant
 from benchmarks.paper.claims.pairs import compare, holds_of, together
 from benchmarks.paper.outcome import NOT_AT_HAND, Outcome, Table, Verdict
-from benchmarks.paper.shared_runs import scene_runs
+from benchmarks.paper.shared_runs import Run, scene_runs
 from benchmarks.paper.stats import mean_sigma
 from benchmarks.paper.study import MODELS, Study
 
@@ -27,12 +29,6 @@ def measure(study: Study) -> Outcome:
             a, b = (Variant(model, "dijkstra", smooth, rules) for model in ("gng", "gamma_som"))
             name = f"{words.RULES_WORD[rules]} rules, {'smoothed' if smooth else 'raw'}"
             pairs.append(compare(runs, a, b, lambda got: got.length_rad, name))
-    rows = []
-    for variant in dict.fromkeys(run.variant for run in runs):
-        solved = [run.answer for run in runs if run.variant == variant and run.answer.solved]
-        head = words.row_head(variant)
-        lengths, counts = [got.length_rad for got in solved], [float(len(got.neurons)) for got in solved]
-        rows.append([head[0], head[1], head[3], str(len(solved)), mean_sigma(lengths), mean_sigma(counts, 1)])
     verdict = Verdict(
         "GNG paths are shorter than γ-SOM paths",
         NOT_AT_HAND,
@@ -53,14 +49,18 @@ def measure(study: Study) -> Outcome:
             }
             for run in runs
         ],
-        tables=[
-            Table(
-                "Path lengths by map",
-                ("rules", "model", "smoothed", "solved", "length, rad", "neurons"),
-                rows,
-                "mean ± σ over what each solved.",
-            )
-        ],
+        tables=[_table(runs)],
         verdicts=[verdict],
         data=pairs,
     )
+
+
+def _table(runs: Sequence[Run]) -> Table:
+    columns = ("rules", "model", "smoothed", "solved", "length, rad", "neurons")
+    rows = []
+    for variant in dict.fromkeys(run.variant for run in runs):
+        solved = [run.answer for run in runs if run.variant == variant and run.answer.solved]
+        head = words.row_head(variant)
+        lengths, counts = [got.length_rad for got in solved], [float(len(got.neurons)) for got in solved]
+        rows.append([head[0], head[1], head[3], str(len(solved)), mean_sigma(lengths), mean_sigma(counts, 1)])
+    return Table("Path lengths by map", columns, rows, "mean ± σ over what each solved.")

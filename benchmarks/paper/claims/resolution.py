@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,27 +37,6 @@ class Size:
 def measure(study: Study) -> Outcome:
     """Every size on the same questions."""
     sizes = [_size(study, n) for n in study.scale.network_sizes]
-    rows = [
-        [
-            f"{s.n_neurons:,}".replace(",", " "),
-            f"{s.edge_median_rad:.3f}",
-            f"{s.quantisation_error_rad:.3f}",
-            f"{median(s.steps_rad, 3)} / {percentile(s.steps_rad, 95, 3)}",
-            share(s.n_solved, s.n_asked),
-            mean_sigma(s.smoothed_rad),
-            median(s.search_ms, 3),
-        ]
-        for s in sizes
-    ]
-    columns = (
-        "neurons",
-        "edge median, rad",
-        "quantisation error, rad",
-        "step median / p95, rad",
-        "solved",
-        "smoothed length, rad",
-        "search median, ms",
-    )
     steps = [float(np.median(s.steps_rad)) if s.steps_rad else float("nan") for s in sizes]
     slope = _slope([s.n_neurons for s in sizes], steps)
     said = ", ".join(f"{step:.3f} rad at {s.n_neurons}" for step, s in zip(steps, sizes, strict=True))
@@ -83,7 +63,32 @@ def measure(study: Study) -> Outcome:
         for s, step in zip(sizes, steps, strict=True)
     ]
     intro = INTRO.format(n=study.scale.n_size_scenes)
-    return Outcome(intro, rows=raw, tables=[Table("Size and resolution", columns, rows)], verdicts=[verdict], data=sizes)
+    return Outcome(intro, rows=raw, tables=[_table(sizes)], verdicts=[verdict], data=sizes)
+
+
+def _table(sizes: Sequence[Size]) -> Table:
+    rows = [
+        [
+            f"{s.n_neurons:,}".replace(",", " "),
+            f"{s.edge_median_rad:.3f}",
+            f"{s.quantisation_error_rad:.3f}",
+            f"{median(s.steps_rad, 3)} / {percentile(s.steps_rad, 95, 3)}",
+            share(s.n_solved, s.n_asked),
+            mean_sigma(s.smoothed_rad),
+            median(s.search_ms, 3),
+        ]
+        for s in sizes
+    ]
+    columns = (
+        "neurons",
+        "edge median, rad",
+        "quantisation error, rad",
+        "step median / p95, rad",
+        "solved",
+        "smoothed length, rad",
+        "search median, ms",
+    )
+    return Table("Size and resolution", columns, rows)
 
 
 def _size(study: Study, n_neurons: int) -> Size:
