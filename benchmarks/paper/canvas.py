@@ -98,12 +98,12 @@ def space_axes(drawing: Drawing, place: Any, title: str, limits_m: Limits) -> An
     """3-D axes in metres, equal scales, seen from the front right."""
     axes: Any = drawing.add_subplot(place, projection="3d", computed_zorder=False)
     axes.set(xlim=limits_m[0], ylim=limits_m[1], zlim=limits_m[2], xlabel="x, m", ylabel="y, m", zlabel="z, m")
-    axes.set_box_aspect([high - low for low, high in limits_m], zoom=0.86)
+    axes.set_box_aspect([high - low for low, high in limits_m], zoom=1.0)
     axes.view_init(elev=24.0, azim=-28.0)
     axes.set_title(title, y=1.0)
     axes.tick_params(labelsize=7, pad=0)
     axes.set(xticks=_ticks(limits_m[0]), yticks=_ticks(limits_m[1]), zticks=_ticks(limits_m[2]))
-    axes.zaxis.labelpad = -6.0
+    axes.zaxis.labelpad = -2.0
     return axes
 
 

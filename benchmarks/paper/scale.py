@@ -45,7 +45,7 @@ FULL = Scale(
     gamma_epochs=40,
     overrides=[],
     n_runs=20,
-    n_scenes=40,
+    n_scenes=60,
     n_big_scenes=200,
     network_sizes=[1000, 2000, 5000, 10_000, 20_000],
     n_size_scenes=100,
@@ -84,5 +84,5 @@ QUICK = Scale(
     n_plans=5,
     extend_neurons=300,
     n_extend_scenes=5,
-    dodge_s=20.0,
+    dodge_s=15.0,
 )

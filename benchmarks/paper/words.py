@@ -7,7 +7,7 @@ from benchmarks.paper.ask import Variant
 __all__ = ["ALGORITHM", "MODEL", "RULES_WORD", "yes_no"]
 
 MODEL = {"som": "SOM", "gamma_som": "γ-SOM", "gng": "GNG"}
-ALGORITHM = {"wavefront": "wavefront", "dijkstra": "Dijkstra", "astar": "A*", "bidirectional": "bidirectional Dijkstra"}
+ALGORITHM = {"wavefront": "wavefront", "dijkstra": "Dijkstra", "astar": "A*", "bidirectional": "bidirectional"}
 RULES_WORD = {"paper": "paper's", "checked": "our"}
 PEER = {"ompl_prm": "PRM", "ompl_rrt": "RRT", "ompl_rrt_connect": "RRTConnect"}
 

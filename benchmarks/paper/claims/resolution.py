@@ -46,7 +46,7 @@ def measure(study: Study) -> Outcome:
         f"median step {said}; step ~ neurons^{slope:.2f}",
         _holds(steps),
         (
-            f"Data that filled d dimensions evenly would give an exponent of −1/d; {slope:.2f} stands for about {_dimension(slope)} "
+            f"Data that filled d dimensions evenly would give an exponent of −1/d; this one stands for about {_dimension(slope)} "
             "dimensions."
         ),
     )
