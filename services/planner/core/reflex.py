@@ -16,7 +16,7 @@ from common.robot.trajectory import JointTrajectory
 from services.planner.config import PlannerConfig
 from services.planner.core.asking import Asker
 from services.planner.core.check import TOUCH_M, HandReach
-from services.planner.core.find import NotFound
+from services.planner.core.found import NotFound
 from services.planner.core.motion import Motion, MotionPlanner
 from services.planner.core.replan import Action, ReplanRules, ShorterWay, View
 from services.planner.core.timing import Limits, brake
@@ -220,7 +220,7 @@ class Reflex:
         from_s = max(0.0, self.underway.time_s(arm, now_s))
         if self._config.rules == "paper":
             path = sent.motion.path.neurons if sent.motion is not None else np.empty(0, dtype=np.int32)
-            blocked = np.any(self.vision.counts.node[path] > 0)
+            blocked = np.any(self.vision.counts.node[path] > 0)  # by the paper's rules every point is a neuron
             self._blocked_at_s = self._first_blocked(sent, from_s) if blocked else None
             return
         if sent.motion is not None and sent.motion.path.leaving is not None and self._leads_out(sent, from_s):
