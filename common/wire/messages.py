@@ -68,6 +68,7 @@ class RobotState(State, frozen=True, kw_only=True, eq=False):
 
     ``trajectory_id`` is the newest accepted trajectory (empty: none since start or reset), ``trajectory_time_s`` how far along it the arm
     is: negative while it waits for its takeover, at most its duration; a braking arm stays on its path and stops at such a time.
+    ``trajectory_refused_id`` is the newest one that was refused since the newest accepted one; empty: none.
     """
 
     q_rad: F64
@@ -79,6 +80,7 @@ class RobotState(State, frozen=True, kw_only=True, eq=False):
     trajectory_time_s: float
     trajectory_accepted_ns: int
     dq_reference_rad_s: F64 | None = None
+    trajectory_refused_id: str = ""
 
 
 class Obstacle(Message, frozen=True, kw_only=True, eq=False):

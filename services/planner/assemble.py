@@ -63,7 +63,8 @@ class Parts:
         """A new planner with its own scratch, at the configured share of the limits."""
         limits = self.limits.scaled(self.config.speed.velocity, self.config.speed.acceleration)
         finder = PathFinder(self.roadmap, self.checker())
-        return MotionPlanner(finder, limits, self.hand, shortcut_checks=self.config.smoothing.shortcut_checks)
+        joint_range = (self.robot.position_min_rad, self.robot.position_max_rad)
+        return MotionPlanner(finder, limits, self.hand, joint_range, shortcut_checks=self.config.smoothing.shortcut_checks)
 
     def goal_resolver(self) -> GoalResolver:
         """A new resolver with its own scratch."""

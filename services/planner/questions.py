@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from common.errors import RequestError
 from common.wire.messages import PlanReply, PlanRequest, SetGoal, Trajectory
 from services.planner.assemble import Parts
-from services.planner.core.find import SEARCHES, NotFound
+from services.planner.core.find import SEARCHES
+from services.planner.core.found import NotFound
 from services.planner.core.goals import GoalResolver
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, Stopwatch

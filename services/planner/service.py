@@ -131,6 +131,7 @@ class Planner:
                     trajectory_id=message.trajectory_id,
                     trajectory_time_s=message.trajectory_time_s,
                     accepted_utc_ns=message.trajectory_accepted_ns,
+                    refused_id=message.trajectory_refused_id,
                 ),
                 now_ns / NS,
             )

@@ -197,6 +197,7 @@ class RobotSim:
                 trajectory_id=status.trajectory_id,
                 trajectory_time_s=status.trajectory_time_s,
                 trajectory_accepted_ns=self._accepted_ns,
+                trajectory_refused_id=status.refused_id,
                 dq_reference_rad_s=dq_reference,
             ),
             stamp_ns=utc_ns() - (monotonic_ns() - at_ns),

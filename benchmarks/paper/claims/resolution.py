@@ -45,10 +45,7 @@ def measure(study: Study) -> Outcome:
         NOT_AT_HAND,
         f"median step {said}; step ~ neurons^{slope:.2f}",
         _holds(steps),
-        (
-            f"Data that filled d dimensions evenly would give an exponent of −1/d; this one stands for about {_dimension(slope)} "
-            "dimensions."
-        ),
+        (f"Data that filled d dimensions evenly would give an exponent of −1/d; this one stands for about {_dimension(slope)} dimensions."),
     )
     raw = [
         {

@@ -80,7 +80,10 @@ class Recorder:
     def _photos(self, way: Trajectory, bend_m: float) -> Dodge:
         of_goal = [state for state in self.states if self._goal_of(state) == way.goal_id]
         last_ns = of_goal[-1].stamp_ns
-        wanted = [way.stamp_ns - int(BEFORE_S * 1e9), *np.linspace(way.stamp_ns, last_ns, N_PHOTOS - 1).astype(np.int64).tolist()]
+        wanted = [
+            way.stamp_ns - int(BEFORE_S * 1e9),
+            *(way.stamp_ns + k * (last_ns - way.stamp_ns) // (N_PHOTOS - 2) for k in range(N_PHOTOS - 1)),
+        ]
         photos = [self._photo(of_goal, at_ns) for at_ns in wanted]
         return Dodge(tuple((at_ns - way.stamp_ns) / 1e9 for at_ns in wanted), tuple(photos), bend_m)
 

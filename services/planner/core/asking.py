@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.planner.config import PlannerConfig
-from services.planner.core.find import NotFound
+from services.planner.core.found import NotFound
 from services.planner.core.motion import ROUTES, Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.world import World
 

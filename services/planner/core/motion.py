@@ -10,9 +10,11 @@ from numpy.typing import NDArray
 
 from common.robot.trajectory import JointTrajectory
 from services.planner.core.check import TOUCH_M, HandReach
-from services.planner.core.find import FoundPath, NotFound, PathFinder, Route, Rules
+from services.planner.core.find import PathFinder, Rules
+from services.planner.core.found import FoundPath, NotFound
 from services.planner.core.smoothing import Nurbs, candidates
 from services.planner.core.timing import Limits, time_curve, time_polyline
+from services.planner.core.way_out import route_of
 from services.planner.core.world import World
 from services.planner.kernels.collision import FREE
 
@@ -95,8 +97,9 @@ class Stopwatch:
 class MotionPlanner:
     """Answers questions on one roadmap. One per thread."""
 
-    def __init__(self, finder: PathFinder, limits: Limits, hand: HandReach, *, shortcut_checks: int) -> None:
+    def __init__(self, finder: PathFinder, limits: Limits, hand: HandReach, joint_range: tuple[F64, F64], *, shortcut_checks: int) -> None:
         self.finder = finder
+        self._joint_range = joint_range
         self.checker = finder.checker
         self._limits = limits
         self._hand = hand
@@ -136,13 +139,13 @@ class MotionPlanner:
         """
         began = watch.clock_ns()
         if ask.rules == "paper":
-            found = self.finder.find(world, q_from, ask.q_goal, rules="paper", search=ask.search)
+            found = self.finder.find_paper(world, q_from, ask.q_goal, ask.search)
             watch.add("search", began)
             return found if isinstance(found, NotFound) else self._settled(self._drive(world, ask, found, velocity, limits, watch))
-        route = self.finder.route(world, q_from, ask.q_goal, search=ask.search)
-        outcome: Motion | NotFound | _Blocked = _Blocked(0) if isinstance(route, Route) else route
+        route = route_of(self.finder, world, q_from, ask.q_goal, ask.search, self._joint_range)
+        outcome: Motion | NotFound | _Blocked = route if isinstance(route, NotFound) else _Blocked(0)
         for _ in range(ask.routes):
-            if not isinstance(route, Route) or not isinstance(outcome, _Blocked):
+            if isinstance(route, NotFound) or not isinstance(outcome, _Blocked):
                 break
             began = watch.clock_ns()
             found = route.find()

@@ -15,21 +15,21 @@ from numpy.typing import NDArray
 from common.robot.trajectory import JointTrajectory
 from services.planner.config import PlannerConfig
 from services.planner.core.asking import Asker
-from services.planner.core.check import TOUCH_M, HandReach
-from services.planner.core.find import NotFound
+from services.planner.core.check import HandReach
+from services.planner.core.found import NotFound
 from services.planner.core.motion import Motion, MotionPlanner
 from services.planner.core.replan import Action, ReplanRules, ShorterWay, View
 from services.planner.core.timing import Limits, brake
 from services.planner.core.underway import ArmState, Sent, Underway
 from services.planner.core.vision import Vision
+from services.planner.core.watching import Watch
 
 __all__ = ["Event", "Goal", "Reflex", "Report"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 AT_GOAL_RAD = 2e-3  # the reference ends on the goal to rounding; this is a tenth of the tracking error allowed
-STOP_LEAD_S = 0.02  # a stop leaves the running motion so much later: transport and two control cycles
-LOOKS_OUT = 60  # poses of a way out that are looked at again; our choice
+LEAD_S = 0.02  # the robot is told so much before a takeover: transport and two control cycles
 BRANCHES_A_STEP = 2  # inverse-kinematics branches tried at a time, so that no step takes long; the next attempt goes on with others
 
 
@@ -86,7 +86,6 @@ class Reflex:
         self.checker = planner.checker
         self.vision = vision
         self._limits = limits
-        self._hand = hand
         self._config = config
         self._clock_ns = clock_ns
         self._name = name
@@ -103,10 +102,10 @@ class Reflex:
         self._frame_utc_ns = 0
         self._voxels_seq = 0
         self._cells_changed = False
-        self._blocked_at_s: float | None = None  # time on what is under way of its first blocked point
-        self._hand_at_s: float | None = None  # and of the first point at which a hand could be met
+        self._watch = Watch(self.checker, hand, config.rules)
         self._n_sent = 0
         self._asker = Asker(planner, config, clock_ns)
+        self._step_began_ns = 0
         self._events: list[Event] = []
         self._outbox: list[Sent] = []
 
@@ -136,9 +135,8 @@ class Reflex:
         if accepted is not None:
             self._note_accepted(accepted, arm)
         if self.underway.sent is not before:
-            self._blocked_at_s = self._hand_at_s = None
-            if self.underway.sent is None:
-                self._rules.now_or_never()
+            self._watch.take_back()
+            self._rules.now_or_never()
 
     def see(self, now_s: float, exposure_s: float, cells: I32, seq: int, published_utc_ns: int) -> None:
         """A frame of occupied cells (C,), ascending and unique; ``exposure_s`` its newest exposure on our clock."""
@@ -153,6 +151,7 @@ class Reflex:
 
     def step(self, now_s: float) -> tuple[list[Sent], list[Event]]:
         """Decide and act; returns what to send and what to tell."""
+        self._step_began_ns = self._clock_ns()
         if self._arm is not None:
             self._act(now_s, self._arm)
         self._cells_changed = False
@@ -166,7 +165,9 @@ class Reflex:
         return self._voxels_seq
 
     def _act(self, now_s: float, arm: ArmState) -> None:
-        self._watch_the_way(now_s, arm)
+        if self.underway.sent is not None:
+            from_s = max(0.0, self.underway.time_s(arm, now_s))
+            self._watch.look(self.underway.sent, from_s, self.vision, changed=self._cells_changed)
         view = self._view(now_s, arm)
         action = self._rules.decide(view)
         if action is Action.PLAN:
@@ -186,8 +187,9 @@ class Reflex:
         sent, goal = self.underway.sent, self.goal
         at_goal = goal is not None and bool(np.any(np.abs(goal.branches_rad - arm.q_reference_rad).max(axis=1) < AT_GOAL_RAD))
         blocked_in = None
-        if sent is not None and self._met_at_s:
-            blocked_in = min(self._met_at_s) - self.underway.time_s(arm, now_s)
+        met_at_s = self._watch.met_at_s
+        if sent is not None and met_at_s is not None:
+            blocked_in = met_at_s - self.underway.time_s(arm, now_s)
         return View(
             now_s=now_s,
             has_goal=goal is not None,
@@ -197,59 +199,15 @@ class Reflex:
             at_goal=at_goal and arm.standing,
             to_other_goal=sent is not None and goal is not None and sent.kind == "motion" and sent.goal_id != goal.id,
             blocked_in_s=blocked_in,
-            stop_needs_s=self._braking_s(arm) + self._config.replan.stop_margin_s + STOP_LEAD_S,
+            stop_needs_s=self._braking_s(arm) + self._config.replan.stop_margin_s + LEAD_S,
             cells_changed=self._cells_changed,
             protective=self.vision.protective,
             faulted=arm.mode == "fault",
         )
 
-    @property
-    def _met_at_s(self) -> list[float]:
-        """Times on what is under way at which something is in the way, or could be before the arm stands."""
-        return [t for t in (self._blocked_at_s, self._hand_at_s) if t is not None]
-
     def _braking_s(self, arm: ArmState) -> float:
         """Time in which the arm could stand, joint by joint v / a; along a path it may take a little longer."""
         return float(np.max(np.abs(arm.dq_reference_rad_s) / self._limits.acceleration))
-
-    def _watch_the_way(self, now_s: float, arm: ArmState) -> None:
-        """Whether what is under way is still free; only what has changed is looked at."""
-        sent = self.underway.sent
-        if sent is None or sent.kind == "stop" or not self._cells_changed:
-            return
-        from_s = max(0.0, self.underway.time_s(arm, now_s))
-        if self._config.rules == "paper":
-            path = sent.motion.path.neurons if sent.motion is not None else np.empty(0, dtype=np.int32)
-            blocked = np.any(self.vision.counts.node[path] > 0)
-            self._blocked_at_s = self._first_blocked(sent, from_s) if blocked else None
-            return
-        if sent.motion is not None and sent.motion.path.leaving is not None and self._leads_out(sent, from_s):
-            self._blocked_at_s = self._hand_at_s = None
-            return
-        met = self.checker.curve_meets(self.vision.appeared, sent.curve, from_s=from_s)
-        times = [t for t in (met, self._still_blocked(sent, from_s)) if t is not None]
-        self._blocked_at_s = min(times) if times else None
-        self._hand_at_s = self.checker.hand_meets(self.vision.world.recent, sent.curve, self._hand, from_s=from_s)
-
-    def _leads_out(self, sent: Sent, from_s: float) -> bool:
-        """Whether a motion that leaves cells is as good as when it was sent, though the hand may have followed: to stop would be worse."""
-        world, curve = self.vision.world, sent.curve
-        if self.checker.hand_meets(world.recent, curve, self._hand, from_s=from_s, safety_m=TOUCH_M) is not None:
-            return False
-        leaving = world.leaving(self.checker, curve.sample(from_s)[0])
-        if leaving is None:
-            return self._first_blocked(sent, from_s) is None
-        remaining = curve.sample(np.linspace(from_s, curve.duration_s, LOOKS_OUT))[0]
-        return self.checker.curve_meets(leaving.rest.cells, curve, from_s=from_s) is None and leaving.leads_out(self.checker, remaining)
-
-    def _still_blocked(self, sent: Sent, from_s: float) -> float | None:
-        """A way that was blocked before may have become free again: all cells are looked at."""
-        if self._blocked_at_s is None:
-            return None
-        return self._first_blocked(sent, from_s)
-
-    def _first_blocked(self, sent: Sent, from_s: float) -> float | None:
-        return self.checker.curve_meets(self.vision.world.cells, sent.curve, from_s=from_s)
 
     # --- actions ---
 
@@ -271,8 +229,16 @@ class Reflex:
         if isinstance(answer, NotFound):
             self._no_way(answer)
             return False
-        self._send_motion(answer, q_goal, now_s, now_s + (at_s - self._time_s(arm, now_s)), rule, at_s)
+        start_s = now_s + (at_s - self._time_s(arm, now_s))
+        if now_s + self._spent_s > start_s - LEAD_S:
+            return False  # it took too long; the budget has grown by that
+        self._send_motion(answer, q_goal, now_s, start_s, rule, at_s)
         return True
+
+    @property
+    def _spent_s(self) -> float:
+        """How long this step has taken so far."""
+        return float(self._clock_ns() - self._step_began_ns) / 1e9
 
     def _compare(self, now_s: float, arm: ArmState) -> None:
         splice = self._splice_state(now_s, arm)
@@ -292,8 +258,8 @@ class Reflex:
         """Time, position and velocity on the motion under way a budget from now; None when the way up to there is not free."""
         sent = self.underway.sent
         assert sent is not None
-        at_s = self._time_s(arm, now_s) + self._asker.budget_s
-        if at_s < 0.0 or at_s >= sent.curve.duration_s or any(t <= at_s for t in self._met_at_s):
+        at_s, met_at_s = self._time_s(arm, now_s) + self._asker.budget_s, self._watch.met_at_s
+        if at_s < 0.0 or at_s >= sent.curve.duration_s or (met_at_s is not None and met_at_s <= at_s):
             return None
         q, dq, _ = sent.curve.sample(at_s)
         return at_s, q, dq
@@ -322,11 +288,12 @@ class Reflex:
     def _stop(self, now_s: float, arm: ArmState, why: str) -> None:
         sent = self.underway.sent
         assert sent is not None
-        from_s = self._time_s(arm, now_s) + STOP_LEAD_S
+        now_s += self._spent_s
+        from_s = self._time_s(arm, now_s) + LEAD_S
         from_s = max(from_s, 0.0)
-        within = np.inf
-        if self._met_at_s:
-            within = max(0.0, min(self._met_at_s) - from_s - self._config.replan.stop_margin_s)
+        within, met_at_s = np.inf, self._watch.met_at_s
+        if met_at_s is not None:
+            within = max(0.0, met_at_s - from_s - self._config.replan.stop_margin_s)
         curve: JointTrajectory = brake(sent.curve, from_s, self._limits, within)
         reason = why or self.report.reason or "the way ahead is blocked"
         start_s = now_s + (from_s - self._time_s(arm, now_s))
@@ -337,7 +304,7 @@ class Reflex:
 
     def _send(self, sent: Sent) -> None:
         self.underway.send(sent)
-        self._blocked_at_s = self._hand_at_s = None
+        self._watch.begin()
         self._outbox.append(sent)
 
     def _next_id(self) -> str:

@@ -14,7 +14,7 @@ from services.planner.core.motion import Motion
 __all__ = ["ArmState", "Sent", "Underway"]
 
 F64 = NDArray[np.float64]
-ACCEPT_WITHIN_S = 0.25  # a robot that did not take a trajectory by then has refused it; two status periods and some
+ACCEPT_WITHIN_S = 0.25  # a trajectory of which the robot has said nothing by then is lost; two status periods and some
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +28,7 @@ class ArmState:
         mode, reason: the robot's words.
         trajectory_id, trajectory_time_s: the newest accepted trajectory, and how far along it the arm is.
         accepted_utc_ns: when it was accepted.
+        refused_id: the newest trajectory that the robot refused since then; empty: none.
     """
 
     at_s: float
@@ -39,6 +40,7 @@ class ArmState:
     trajectory_id: str
     trajectory_time_s: float
     accepted_utc_ns: int
+    refused_id: str = ""
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,7 +93,7 @@ class Underway:
             if arm.trajectory_id == self.sent.id:
                 self._accepted, self._before, self.refused_reason = True, None, ""
                 newly = self.sent
-            elif now_s - self.sent.sent_s > ACCEPT_WITHIN_S:
+            elif arm.refused_id == self.sent.id or now_s - self.sent.sent_s > ACCEPT_WITHIN_S:
                 self.refused_reason = arm.reason or "the robot did not take the trajectory"
                 self.sent, self._before = self._before, None
                 self._accepted = self.sent is not None

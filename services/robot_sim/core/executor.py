@@ -44,12 +44,14 @@ class Status:
         trajectory_id: the newest accepted trajectory, also while it waits for its takeover; empty before the first and after a reset.
         trajectory_time_s: how far along it the arm is: negative while it waits, at most its duration. While braking it advances
             with the path, so that it always names a place on the curve.
+        refused_id: the newest refused trajectory since the newest accepted one; empty: none.
     """
 
     mode: Mode
     reason: str
     trajectory_id: str
     trajectory_time_s: float
+    refused_id: str
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +80,7 @@ class Executor:
         self._cause = Cause.NONE
         self._reason = ""
         self._lost = ""
-        self._refusal = ""
+        self._refusal = self._refused_id = ""
 
     @property
     def moving(self) -> bool:
@@ -93,9 +95,11 @@ class Executor:
             if isinstance(segment, Segment):
                 self._timeline = self._timeline.with_segment(segment)
                 self._newest, self._braking = segment, None
-                self._cause, self._reason, self._refusal = Cause.NONE, "", ""
+                self._cause, self._reason = Cause.NONE, ""
+                self._refusal = self._refused_id = ""
                 return None
             refusal = segment
+        self._refused_id = motion.id
         self._refusal = f"refused {motion.id[:64]!r}: {refusal}"
         return refusal
 
@@ -144,7 +148,7 @@ class Executor:
         """Mode, reason and progress at the last tick."""
         newest_id, time_s = self._progress()
         reason = self._reason or self._lost
-        return Status(self._mode(), "; ".join(r for r in (reason, self._refusal) if r), newest_id, time_s)
+        return Status(self._mode(), "; ".join(r for r in (reason, self._refusal) if r), newest_id, time_s, self._refused_id)
 
     def _refuse_by_state(self) -> str | None:
         if self._cause in (Cause.COMMAND, Cause.FAULT):

@@ -101,6 +101,7 @@ def test_refusals_say_why_and_move_nothing(sent, why: str) -> None:
     arm.run(50)
     status = arm.executor.status()
     assert status.mode == "idle" and status.trajectory_id == "" and refusal in status.reason
+    assert status.refused_id == sent.id
     assert not arm.q.any()
     arm.start()
     assert arm.executor.status().reason == ""
