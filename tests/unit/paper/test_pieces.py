@@ -54,6 +54,7 @@ def test_a_layout_uses_each_place_once_and_keeps_neighbours_near() -> None:
 
 
 HEADER = {"epoch": "e", "seq": 1}
+NOW_NS = 1_764_000_000_000_000_000  # as large as stamps are: floats would round them
 GRID = GridInfo(origin_m=[0.0, 0.0, 0.0], shape=[10, 10, 10], resolution_m=0.1, fingerprint="f")
 
 
@@ -69,9 +70,9 @@ def recorded(bend: float, splice_s: float | None) -> Dodge | None:
     arm = SimpleNamespace(tool_positions=lambda q: np.column_stack([q, np.zeros(len(q))]))
     recorder = Recorder(arm)  # type: ignore[arg-type]
     recorder.observe(
-        VoxelFrame(**HEADER, stamp_ns=0, grid=GRID, cells=np.arange(50, dtype=np.int32), cameras=[], robot_seq=1, timing_ms={})
+        VoxelFrame(**HEADER, stamp_ns=NOW_NS, grid=GRID, cells=np.arange(50, dtype=np.int32), cameras=[], robot_seq=1, timing_ms={})
     )
-    for trajectory in (way("a", 0.0, 0, None), way("b", bend, 1_000_000_000, splice_s)):
+    for trajectory in (way("a", 0.0, NOW_NS, None), way("b", bend, NOW_NS + 1_000_000_007, splice_s)):
         recorder.observe(trajectory)
         for k in range(12):
             stamp_ns = trajectory.stamp_ns + 80_000_000 * k
@@ -86,7 +87,10 @@ def recorded(bend: float, splice_s: float | None) -> Dodge | None:
 def test_a_dodge_is_a_new_way_taken_in_motion_that_bends() -> None:
     found = recorded(0.3, splice_s=0.5)
     assert found is not None
-    assert found.at_s[0] < 0.0 <= found.at_s[1] < found.at_s[-1]
+    assert found.at_s[0] < 0.0 == found.at_s[1] < found.at_s[-1]
+    assert np.array_equal(found.photos[1].planned_q_rad[0], [0.0, 0.0])
+    assert found.photos[1].planned_q_rad[:, 1].max() > 0.2  # the new way is there from its first moment on
+    assert found.photos[0].planned_q_rad[:, 1].max() == 0.0
     assert all(a < b for a, b in zip(found.at_s[:-1], found.at_s[1:], strict=True))
     assert len(found.photos[-1].driven_q_rad) > len(found.photos[0].driven_q_rad)
     assert recorded(0.01, splice_s=0.5) is None  # hardly bends
