@@ -69,7 +69,7 @@ QUICK = Scale(
     gamma_epochs=6,
     overrides=["planner.map.n_neurons=800", "planner.motions.n_trajectories=120", "planner.motions.n_samples=6000"],
     n_runs=3,
-    n_scenes=3,
+    n_scenes=2,
     n_big_scenes=6,
     network_sizes=[200, 400],
     n_size_scenes=6,
