@@ -97,6 +97,7 @@ def limits_of(points_m: Sequence[F64]) -> Limits:
 def space_axes(drawing: Drawing, place: Any, title: str, limits_m: Limits) -> Any:
     """3-D axes in metres, equal scales, seen from the front right."""
     axes: Any = drawing.add_subplot(place, projection="3d", computed_zorder=False)
+    axes.patch.set_visible(False)  # it would cover the neighbour's label
     axes.set(xlim=limits_m[0], ylim=limits_m[1], zlim=limits_m[2], xlabel="x, m", ylabel="y, m", zlabel="z, m")
     axes.set_box_aspect([high - low for low, high in limits_m], zoom=1.0)
     axes.view_init(elev=24.0, azim=-28.0)
