@@ -20,13 +20,13 @@ HEAD = ("rules", "model", "algorithm", "smoothed")
 ONE = (*HEAD, "neurons on the path", "path, ms", "answer, ms", "length, rad", "collides (coal)", "paper: ms")
 MANY = (*HEAD, "solved", "smoothing rejected", "neurons", "path, ms", "answer, ms", "answer p95, ms", "length, rad", "collide (coal)")
 INTRO = (
-    "One question (start, goal, boxes) is put to each map by each algorithm, {n} times from an empty world, as in the paper. The same "
-    "question gives the same path each time, so the spread is the clock's. *Path* is all from changed cells to a path on the map; "
-    "*answer* is all until a timed motion may be sent (raw: a stop at each corner). By the paper's rules start and goal snap to their "
-    "best matches, neurons alone are blocked, and a smoothed path is taken if its best matches are free. By our rules (`checked`) edges "
-    "are blocked too and the very curve that would be driven is checked. Where no smooth curve is accepted (*rejected*) the raw path is "
-    "driven. The second table puts {scenes} scenes to each; its last column is coal's word at steps of 1/256 rad, on true shapes, "
-    "without any margin."
+    "One question (start, goal, boxes; the first of the set “task” that every map answers by both rules) is put to each map by each "
+    "algorithm, {n} times from an empty world, as in the paper. The same question gives the same path each time, so the spread is the "
+    "clock's. *Path* is all from changed cells to a path on the map; *answer* is all until a timed motion may be sent (raw: a stop at "
+    "each corner). By the paper's rules start and goal snap to their best matches, neurons alone are blocked, and a smoothed path is "
+    "taken if its best matches are free. By our rules (`checked`) edges are blocked too and the very curve that would be driven is "
+    "checked. Where no smooth curve is accepted (*rejected*) the raw path is driven. The second table puts {scenes} scenes to each; its "
+    "last column is coal's word at steps of 1/256 rad, on true shapes, without any margin."
 )
 
 
