@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Sequence
 from pathlib import Path
+
+from PIL import Image
 
 from benchmarks.paper.report.document import document
 from benchmarks.paper.report.html import html
@@ -12,6 +13,8 @@ from benchmarks.paper.report.markdown import markdown
 from benchmarks.paper.report.section import read_sections
 
 __all__ = ["keep_copy", "write_report"]
+
+KEPT_WIDTH_PX, KEPT_COLOURS = 1100, 96  # our choice: sharp on a page, small in a repository
 
 
 def write_report(out: Path, names: Sequence[str]) -> list[Path]:
@@ -32,7 +35,15 @@ def keep_copy(out: Path, names: Sequence[str], folder: Path) -> Path:
     text = markdown(document(sections, [name for name in names if name not in done]), has_data=False)
     (folder / "figures").mkdir(parents=True, exist_ok=True)
     for figure in (figure for section in sections for figure in section.figures):
-        shutil.copyfile(out / "figures" / f"{figure.stem}.png", folder / "figures" / f"{figure.stem}.png")
+        _copy_small(out / "figures" / f"{figure.stem}.png", folder / "figures" / f"{figure.stem}.png")
     path = folder / "report.md"
     path.write_text(text, encoding="utf-8")
     return path
+
+
+def _copy_small(source: Path, target: Path) -> None:
+    """A picture with few colours and no wider than a page: a third of the bytes."""
+    picture = Image.open(source).convert("RGB")
+    if picture.width > KEPT_WIDTH_PX:
+        picture = picture.resize((KEPT_WIDTH_PX, round(picture.height * KEPT_WIDTH_PX / picture.width)), Image.Resampling.LANCZOS)
+    picture.quantize(KEPT_COLOURS).save(target, optimize=True)

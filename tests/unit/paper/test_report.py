@@ -8,6 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
+from PIL import Image
 
 from benchmarks.paper.experiment import Experiment
 from benchmarks.paper.outcome import HOLDS, NOT, Figure, Outcome, Table, Verdict
@@ -78,13 +79,14 @@ def test_a_quick_section_makes_the_report_say_so(report: Path) -> None:
 
 def test_a_kept_copy_links_nothing_that_it_does_not_hold(report: Path, tmp_path: Path) -> None:
     (report / "figures").mkdir()
-    (report / "figures" / "a-figure.png").write_bytes(b"PNG")
+    Image.new("RGB", (3000, 30), "red").save(report / "figures" / "a-figure.png")
     copy = keep_copy(report, ["table1", "gng-shorter"], tmp_path / "copy")
     text = copy.read_text(encoding="utf-8")
     links = re.findall(r"\]\(([^)]+)\)", text)
     assert links
     assert all((copy.parent / link).exists() for link in links)
     assert "12.5 ms of 20" in text
+    assert Image.open(copy.parent / "figures" / "a-figure.png").width < 1500
 
 
 def test_sections_come_in_the_order_of_the_report(report: Path) -> None:
