@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,7 +25,7 @@ def run_parts(study: Study, names: Sequence[str], out: Path) -> list[Section]:
 
 
 def _run(study: Study, part: Experiment, out: Path) -> Section:
-    began_s = time.monotonic()
+    began_s, load = time.monotonic(), _load()
     outcome = part.measure(study)
     seconds = time.monotonic() - began_s
     study.tell("drawing", None)
@@ -37,7 +38,13 @@ def _run(study: Study, part: Experiment, out: Path) -> Section:
         scale=study.scale.name,
         only=study.only,
         seconds=seconds,
+        load=load + _load(),
         provenance=provenance(study.seed, study.plain_config),
     )
     write_section(section, out)
     return section
+
+
+def _load() -> list[float]:
+    """Load of the machine over the last minute, where it can be asked."""
+    return [round(os.getloadavg()[0], 1)] if hasattr(os, "getloadavg") else []

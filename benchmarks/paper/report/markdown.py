@@ -54,7 +54,8 @@ def redo(section: Section, *, has_data: bool = True) -> str:
     """How to measure a section again, and where its raw rows are."""
     words = [f"tolman paper {section.name.removesuffix('.only')}", "--quick" if section.scale == "quick" else ""]
     words += [f"--only {section.only}" if section.only else "", f"--seed {section.provenance['seed']}"]
-    again = f"Again: `{' '.join(word for word in words if word)}`; {section.seconds:.0f} s. "
+    load = f", load of the machine {section.load[0]:.1f} before and {section.load[1]:.1f} after" if len(section.load) == 2 else ""
+    again = f"Again: `{' '.join(word for word in words if word)}`; {section.seconds:.0f} s{load}. "
     if not has_data:
         return f"{again}Measured at commit {section.provenance['commit']}; raw results come with a run."
     return (

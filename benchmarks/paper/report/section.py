@@ -29,6 +29,7 @@ class Section(msgspec.Struct, frozen=True, kw_only=True):
     scale: str
     only: str
     seconds: float
+    load: list[float] = []  # of the machine over the last minute, before and after; 1 is one busy core; empty: unknown
     provenance: dict[str, Any]
     tables: list[Table]
     verdicts: list[Verdict]
@@ -38,7 +39,15 @@ class Section(msgspec.Struct, frozen=True, kw_only=True):
 
     @staticmethod
     def of(
-        experiment: Experiment, outcome: Outcome, figures: Sequence[Figure], *, scale: str, only: str, seconds: float, provenance: Any
+        experiment: Experiment,
+        outcome: Outcome,
+        figures: Sequence[Figure],
+        *,
+        scale: str,
+        only: str,
+        seconds: float,
+        load: list[float],
+        provenance: Any,
     ) -> Section:
         """The section of an experiment's outcome."""
         return Section(
@@ -49,6 +58,7 @@ class Section(msgspec.Struct, frozen=True, kw_only=True):
             scale=scale,
             only=only,
             seconds=round(seconds, 1),
+            load=load,
             provenance=provenance,
             tables=list(outcome.tables),
             verdicts=list(outcome.verdicts),

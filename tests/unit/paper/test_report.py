@@ -21,7 +21,9 @@ from common.errors import ArtefactError
 def section(name: str, group: str, outcome: Outcome, scale: str = "full") -> Section:
     part = Experiment(name, group, f"Title of {name}", lambda study: outcome)  # type: ignore[arg-type]
     header = provenance(7, {"scale": scale})
-    return Section.of(part, outcome, [Figure("a-figure", "What it shows")], scale=scale, only="", seconds=1.5, provenance=header)
+    return Section.of(
+        part, outcome, [Figure("a-figure", "What it shows")], scale=scale, only="", seconds=1.5, load=[0.5, 2.5], provenance=header
+    )
 
 
 @pytest.fixture
