@@ -121,6 +121,8 @@ def _check_lattice(rows: int, columns: int) -> None:
 class ExtendConfig(Strict, frozen=True):
     """``[planner.extend]``: what a trained gas learns when further motions are shown to it. No part of a map that is trained anew."""
 
-    n_added: Annotated[int, Meta(ge=0, le=MOST_NEURONS)] = 1000  # neurons it may grow by; our choice: a tenth of the map
+    # neurons it may grow by: a tenth of the map. Measured with 120 motions between two other bins: their quantisation error falls from
+    # 0.775 to 0.111 rad (0: 0.303, 500: 0.165, 2000: 0.069), that of the motions it knew grows from 0.204 to 0.232 rad
+    n_added: Annotated[int, Meta(ge=0, le=MOST_NEURONS)] = 1000
     rounds: Count = 4  # times that it sees as many signals as there are new samples, more where it has to grow; our choice
     seed: Seed = 0

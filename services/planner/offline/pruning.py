@@ -8,6 +8,13 @@ In this order, every step deterministic:
 4. the neurons that are missing now are taken from the samples: each time the sample worst represented so far becomes a neuron, joined to
    its nearest neurons by free edges (the insertion rule of "growing when required", Marsland et al. 2002, with the samples themselves,
    which are known to be free, as places).
+
+A lattice (SOM, gamma-SOM) keeps to its lattice: only what collides goes and what that cuts off, nothing is added. Measured at 100 x 100
+units on the motions of the UR3: 38 units collide, 3 and 6 more are cut off, so neither bridges nor other places are missed.
+
+No edge is too long: each is checked along its whole length and has its own row in the table. Some units of a lattice lie between two
+bundles of motions and hold it together by edges of up to 2.5 rad; a limit would tear it there, while a long edge costs no more than being
+blocked often (measured: tables of 59 MB for the SOM and 64 MB for the gamma-SOM against 57 MB for the gas, with twice as many edges).
 """
 
 from __future__ import annotations
