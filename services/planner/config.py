@@ -67,4 +67,5 @@ class PlannerConfig(Strict, frozen=True):
     replan: ReplanConfig = ReplanConfig()
     model: Literal["gng"] = "gng"
     rules: Literal["checked", "paper"] = "checked"
-    search: Literal["dijkstra", "astar", "wavefront"] = "dijkstra"  # paper
+    # The paper has Dijkstra and wavefront; A* finds ways of the same cost several times faster.
+    search: Literal["dijkstra", "astar", "wavefront"] = "astar"
