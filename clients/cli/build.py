@@ -22,12 +22,18 @@ from services.planner.config import PlannerConfig
 from services.planner.offline.build import STAGES, Built, Job, load
 from services.planner.offline.build import Progress as OnProgress
 from services.planner.offline.build import run as build
+from services.planner.offline.growth import parameters_of
 from services.planner.offline.motion_store import read_recorded
 
 __all__ = ["add_arguments", "run"]
 
 # A map that plans a little: for a first look and for tests. No figure is measured with it. Our choice.
-QUICK = ["planner.map.n_neurons=800", "planner.motions.n_trajectories=120", "planner.motions.n_samples=6000"]
+QUICK = [
+    "planner.map.n_neurons=800",
+    *(f"planner.{model}.{side}=28" for model in ("som", "gamma_som") for side in ("rows", "columns")),
+    "planner.motions.n_trajectories=120",
+    "planner.motions.n_samples=6000",
+]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -50,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
         with _progress() as on_progress:
             built, seconds = build(job, on_progress, force=args.force)
     report = {
-        **provenance(config.map.seed, load_tables(args.config, overrides)),
+        **provenance(parameters_of(config).seed, load_tables(args.config, overrides)),
         **built.figures,
         "seconds": seconds.get("total"),
         "seconds_of": seconds,

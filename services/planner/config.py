@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from common.config import Strict
-from services.planner.offline.config import MapConfig, MotionsConfig
+from services.planner.offline.config import ExtendConfig, GammaSomConfig, MapConfig, MotionsConfig, SomConfig
 
 __all__ = ["MarginsConfig", "PlannerConfig", "ReplanConfig", "SmoothingConfig", "SpeedConfig"]
 
@@ -61,11 +61,14 @@ class PlannerConfig(Strict, frozen=True):
 
     motions: MotionsConfig
     map: MapConfig = MapConfig()
+    som: SomConfig = SomConfig()
+    gamma_som: GammaSomConfig = GammaSomConfig()
+    extend: ExtendConfig = ExtendConfig()
     margins: MarginsConfig = MarginsConfig()
     smoothing: SmoothingConfig = SmoothingConfig()
     speed: SpeedConfig = SpeedConfig()
     replan: ReplanConfig = ReplanConfig()
-    model: Literal["gng"] = "gng"
+    model: Literal["gng", "som", "gamma_som"] = "gng"  # paper: gng has the shortest paths; parameters in map, som, gamma_som
     rules: Literal["checked", "paper"] = "checked"
     # The paper has Dijkstra and wavefront; A* finds ways of the same cost several times faster.
-    search: Literal["dijkstra", "astar", "wavefront"] = "astar"
+    search: Literal["dijkstra", "astar", "bidirectional", "wavefront"] = "astar"

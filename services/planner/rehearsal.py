@@ -33,7 +33,7 @@ def rehearse(parts: Parts, clock_ns: Callable[[], int]) -> None:
     far = parts.roadmap.neurons_rad[int(np.argmax(np.linalg.norm(parts.roadmap.neurons_rad - home, axis=1)))]
     scattered = np.arange(0, parts.grid.n_cells, 997, dtype=np.int32)
     for goal in (SetGoal(q_rad=far), SetGoal(pose=pose)):
-        for search in ("dijkstra", "wavefront"):
+        for search in ("dijkstra", "bidirectional", "wavefront"):  # A* is the kernel of Dijkstra
             for cells in (scattered, np.empty(0, dtype=np.int32)):
                 desk.answer(PlanRequest(q_start_rad=far, goal=goal, search=search), home, cells)
                 desk.answer(PlanRequest(q_start_rad=home, goal=SetGoal(q_rad=far), search=search), home, cells)

@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-__all__ = ["CognitiveMap", "MapStatistics", "components", "statistics"]
+__all__ = ["CognitiveMap", "MapStatistics", "components", "quantisation_error_rad", "statistics", "topographic_error"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -20,7 +20,7 @@ I32 = NDArray[np.int32]
 class CognitiveMap:
     """Neurons ``q_rad`` (N, J) and undirected edges (M, 2) int32, each once with the lower neuron first, rows ascending.
 
-    This shape is common to all models (growing neural gas now, SOM and gamma-SOM later).
+    This shape is common to all models: growing neural gas, SOM, gamma-SOM.
     """
 
     q_rad: F64
@@ -75,6 +75,21 @@ def components(n_neurons: int, edges: NDArray[np.integer]) -> I32:
     return np.asarray(rank[labels], dtype=np.int32)
 
 
+def quantisation_error_rad(cognitive_map: CognitiveMap, samples_rad: F64) -> float:
+    """Mean distance of ``samples_rad`` (S, J) to their best match (Kohonen)."""
+    distance, _ = KDTree(cognitive_map.q_rad).query(samples_rad)
+    return float(np.mean(distance))
+
+
+def topographic_error(cognitive_map: CognitiveMap, samples_rad: F64) -> float:
+    """Share of ``samples_rad`` (S, J) whose two nearest neurons no edge joins (Kiviluoto 1996); 0 where edges follow the samples."""
+    _, nearest = KDTree(cognitive_map.q_rad).query(samples_rad, k=2)
+    pairs = np.sort(nearest, axis=1).astype(np.int64)
+    n = cognitive_map.n_neurons
+    joined = np.isin(pairs[:, 0] * n + pairs[:, 1], cognitive_map.edges[:, 0].astype(np.int64) * n + cognitive_map.edges[:, 1])
+    return float(1.0 - np.mean(joined))
+
+
 @dataclass(frozen=True)
 class MapStatistics:
     """Figures of a map; lengths in rad of joint space, quantiles as 0 %, 5 %, 50 %, 95 %, 100 %."""
@@ -94,13 +109,12 @@ def statistics(cognitive_map: CognitiveMap, samples_rad: F64) -> MapStatistics:
     n = cognitive_map.n_neurons
     degree = np.bincount(cognitive_map.edges.ravel(), minlength=n)
     length = cognitive_map.edge_length_rad
-    distance, _ = KDTree(cognitive_map.q_rad).query(samples_rad)
     quantiles = [0.0, 0.05, 0.5, 0.95, 1.0]
     return MapStatistics(
         neurons=n,
         edges=len(length),
         components=int(components(n, cognitive_map.edges).max(initial=-1)) + 1,
-        quantisation_error_rad=float(np.mean(distance)),
+        quantisation_error_rad=quantisation_error_rad(cognitive_map, samples_rad),
         degree_mean=float(np.mean(degree)),
         degree_quantiles=[float(v) for v in np.quantile(degree, quantiles)],
         edge_length_mean_rad=float(np.mean(length)),

@@ -11,7 +11,7 @@ from services.planner.core.check import Checker
 from services.planner.core.found import FoundPath, NotFound, path_length
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import World
-from services.planner.kernels.connect import ASTAR, DIJKSTRA, WAVEFRONT, Ends, Scratch, best_way, connect, join_ends
+from services.planner.kernels.connect import ASTAR, BIDIRECTIONAL, DIJKSTRA, WAVEFRONT, Ends, Scratch, best_way, connect, join_ends
 from services.planner.kernels.path import nearest_free
 from services.planner.kernels.search import NOT_FOUND
 from services.planner.kernels.shorten import cut_corners
@@ -21,8 +21,8 @@ __all__ = ["N_CONNECTIONS", "SEARCHES", "PathFinder", "Rules"]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 Rules = Literal["checked", "paper"]
-SEARCHES = ("dijkstra", "astar", "wavefront")
-KINDS = {"dijkstra": DIJKSTRA, "astar": ASTAR, "wavefront": WAVEFRONT}
+SEARCHES = ("dijkstra", "astar", "bidirectional", "wavefront")  # the first three find equally short paths, the last the fewest neurons
+KINDS = {"dijkstra": DIJKSTRA, "astar": ASTAR, "wavefront": WAVEFRONT, "bidirectional": BIDIRECTIONAL}
 N_CONNECTIONS = 24  # nearest free neurons that start and goal may join; our choice
 
 
@@ -35,12 +35,12 @@ class PathFinder:
         n, m = roadmap.n_neurons, roadmap.n_edges
         capacity = N_CONNECTIONS + 2 * m + n + 1
         self.scratch = Scratch(
-            cost=np.empty(n),
-            parent=np.empty(n, dtype=np.int32),
+            cost=np.empty((2, n)),
+            parent=np.empty((2, n), dtype=np.int32),
             level=np.empty(n, dtype=np.int32),
             queue=np.empty(n, dtype=np.int32),
-            heap_key=np.empty(capacity),
-            heap_node=np.empty(capacity, dtype=np.int32),
+            heap_key=np.empty((2, capacity)),
+            heap_node=np.empty((2, capacity), dtype=np.int32),
             path=np.empty(n, dtype=np.int32),
         )
         self._none_blocked = np.zeros(n, dtype=np.int32)

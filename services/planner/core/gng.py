@@ -1,24 +1,20 @@
-"""Growing neural gas (Fritzke 1995) as an estimator: ``fit``, ``partial_fit``, ``best_match``, ``to_map``.
-
-The other models of the map keep the same shape. ``trajectory_starts`` matters to models with a memory only; the gas ignores it.
-"""
+"""Growing neural gas (Fritzke 1995) as an estimator (:class:`services.planner.core.models.MapModel`)."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.models import Progress, checked_samples
 from services.planner.kernels import gng as kernel
 
-__all__ = ["GasParameters", "GrowingNeuralGas", "Progress"]
+__all__ = ["GasParameters", "GrowingNeuralGas"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-Progress = Callable[[float], None]  # share done, 0..1
 
 CHUNK = 20_000  # signals between two reports of progress; our choice
 BUCKETS_PER_AXIS = 12  # measured: 12 a little better than 24 and 36 for 10 000 units
@@ -48,13 +44,13 @@ class GrowingNeuralGas:
         self._gas: kernel.Gas | None = None
 
     def fit(self, samples_rad: F64, trajectory_starts: I64, seed: int, progress: Progress | None = None) -> GrowingNeuralGas:
-        """Grow from two units to ``n_neurons`` on signals drawn from ``samples_rad`` (S, J), then :meth:`refresh`.
+        """Grow from two units to ``n_neurons`` on signals drawn from ``samples_rad`` (S, J), then refresh the edges; starts are ignored.
 
         Raises:
             ValueError: samples not (S >= 2, J) or not finite, or all the same.
         """
         del trajectory_starts
-        samples = _checked(samples_rad)
+        samples = checked_samples(samples_rad)
         rng = np.random.default_rng(seed)
         self._gas = _empty_gas(samples, self.n_neurons)
         first = rng.integers(len(samples))
@@ -68,6 +64,37 @@ class GrowingNeuralGas:
         kernel.refresh(self._gas, samples)
         return self
 
+    @classmethod
+    def of_map(cls, kept: CognitiveMap, parameters: GasParameters, n_neurons: int, samples_rad: F64) -> GrowingNeuralGas:
+        """A gas that stands as ``kept`` does, without errors and with fresh edges, ready for :meth:`partial_fit` up to ``n_neurons``.
+
+        A kept map does not say how old its edges were or where its errors lay: edges that later signals contradict age from here on.
+
+        Args:
+            kept: of a gas; :meth:`to_map` gives it back as it is.
+            parameters: of what is learned from now on.
+            n_neurons: at least as many as ``kept`` has.
+            samples_rad: (S, J) what will be shown, so that the search for nearest units is laid out for it.
+
+        Raises:
+            ValueError: fewer neurons than there are, samples of another width, or a neuron with more neighbours than a gas can hold.
+        """
+        samples = checked_samples(samples_rad)
+        if samples.shape[1] != kept.q_rad.shape[1]:
+            raise ValueError(f"samples have {samples.shape[1]} joints, the map has {kept.q_rad.shape[1]}")
+        if n_neurons < kept.n_neurons:
+            raise ValueError(f"n_neurons is {n_neurons}, the map has {kept.n_neurons} already")
+        degree = int(np.bincount(kept.edges.ravel(), minlength=1).max())
+        if degree > kernel.MAX_DEGREE:
+            raise ValueError(f"a neuron of the map has {degree} neighbours, a gas holds {kernel.MAX_DEGREE}")
+        model = cls(parameters, n_neurons)
+        model._gas = _empty_gas(np.concatenate([kept.q_rad, samples]), n_neurons)
+        for q in kept.q_rad:
+            kernel.add_unit(model._gas, q, 0.0)
+        for a, b in kept.edges:
+            kernel.connect(model._gas, int(a), int(b), 0)
+        return model
+
     def partial_fit(self, samples_rad: F64, seed: int, n_signals: int | None = None) -> GrowingNeuralGas:
         """Show further signals (default: as many as samples) to a fitted gas; it may grow up to ``n_neurons`` meanwhile.
 
@@ -77,7 +104,7 @@ class GrowingNeuralGas:
             ValueError: not fitted yet, or samples of another width.
         """
         gas = self._fitted()
-        samples = _checked(samples_rad)
+        samples = checked_samples(samples_rad)
         if samples.shape[1] != gas.weight.shape[1]:
             raise ValueError(f"samples have {samples.shape[1]} joints, the gas has {gas.weight.shape[1]}")
         rng = np.random.default_rng(seed)
@@ -127,13 +154,6 @@ class GrowingNeuralGas:
         p = self.parameters
         every = p.insert_every if grow else np.iinfo(np.int64).max
         return int(kernel.present(self._fitted(), samples, order, n_target, every, p.e_best, p.e_neighbour, p.alpha, p.decay, p.max_age))
-
-
-def _checked(samples_rad: F64) -> F64:
-    samples = np.ascontiguousarray(samples_rad, dtype=np.float64)
-    if samples.ndim != 2 or len(samples) < 2 or not np.all(np.isfinite(samples)):
-        raise ValueError(f"samples must be finite and of shape (S >= 2, J), got shape {samples.shape}")
-    return samples
 
 
 def _empty_gas(samples: F64, n_neurons: int) -> kernel.Gas:

@@ -26,7 +26,7 @@ class Roadmap:
         neurons_rad: (N, J). edges: (M, 2) int32, lower neuron first.
         adj_offset: (N + 1,) rows of neighbours; adj_node, adj_edge (2 M,) neighbour and edge index; adj_length (2 M,) rad.
         table: which cells block what.
-        model: name of the model that learned it (``gng``).
+        model: name of the model that learned it (``gng``, ``som``, ``gamma_som``).
     """
 
     neurons_rad: F64

@@ -12,12 +12,14 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from services.planner.kernels.bidirectional import both_ends
 from services.planner.kernels.collision import FREE, pose_verdict
 from services.planner.kernels.path import nearest_free, segment_verdict
 from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
 
 __all__ = [
     "ASTAR",
+    "BIDIRECTIONAL",
     "DIJKSTRA",
     "DIRECT",
     "FOUND",
@@ -40,7 +42,7 @@ I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
 I8 = NDArray[np.int8]
 
-DIJKSTRA, ASTAR, WAVEFRONT = 0, 1, 2
+DIJKSTRA, ASTAR, WAVEFRONT, BIDIRECTIONAL = 0, 1, 2, 3
 FOUND, DIRECT, NO_WAY, START_BLOCKED, GOAL_BLOCKED = 0, 1, 2, 3, 4
 UNKNOWN, JOINS, BARRED = 0, 1, 2
 START, GOAL = 0, 1
@@ -69,14 +71,14 @@ class Ends(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Buffers of the searches."""
+    """Buffers of the searches; row 1 of four of them is for the half from the goals, of the bidirectional search alone."""
 
-    cost: F64  # (N,)
-    parent: I32  # (N,)
+    cost: F64  # (2, N)
+    parent: I32  # (2, N)
     level: I32  # (N,)
     queue: I32  # (N,)
-    heap_key: F64  # (K + 2 M + N + 1,)
-    heap_node: I32
+    heap_key: F64  # (2, K + 2 M + N + 1)
+    heap_node: I32  # the same
     path: I32  # (N,)
 
 
@@ -87,12 +89,18 @@ def best_way(kind, graph, node_count, edge_count, start, start_cost, goal, goal_
     if kind == WAVEFRONT:
         n, _, _ = breadth_first(
             g.adj_offset, g.adj_node, g.adj_edge, node_count, edge_count,
-            start, start_cost, goal, goal_cost, s.level, s.parent, s.queue, s.path,
+            start, start_cost, goal, goal_cost, s.level, s.parent[0], s.queue, s.path,
+        )  # fmt: skip
+        return n
+    if kind == BIDIRECTIONAL:
+        n, _, _ = both_ends(
+            g.adj_offset, g.adj_node, g.adj_edge, g.adj_length, node_count, edge_count,
+            start, start_cost, goal, goal_cost, s.cost, s.parent, s.heap_key, s.heap_node, s.path,
         )  # fmt: skip
         return n
     n, _, _ = best_first(
         g.neurons_rad, g.adj_offset, g.adj_node, g.adj_edge, g.adj_length, node_count, edge_count,
-        start, start_cost, goal, goal_cost, q_goal, kind == ASTAR, s.cost, s.parent, s.heap_key, s.heap_node, s.path,
+        start, start_cost, goal, goal_cost, q_goal, kind == ASTAR, s.cost[0], s.parent[0], s.heap_key[0], s.heap_node[0], s.path,
     )  # fmt: skip
     return n
 
@@ -172,7 +180,7 @@ def ask_map(kind, graph, node_count, edge_count, arm, solids, cells, safety_m, s
     """The whole question.
 
     Args:
-        kind: DIJKSTRA, ASTAR or WAVEFRONT.
+        kind: DIJKSTRA, ASTAR, WAVEFRONT or BIDIRECTIONAL.
         graph: the map. node_count (N,), edge_count (M,): blocked while above zero.
         arm, solids, cells, safety_m, step_m: as for the checks.
         q_start, q_goal: (J,) rad.

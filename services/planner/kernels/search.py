@@ -1,7 +1,8 @@
 """Graph search on the unblocked part of the map: Dijkstra, A* and wavefront, from many starts to many goals.
 
 A neuron is blocked while its count is above zero, an edge while its own is. Ties are broken by heap order, which depends on the input
-alone: equal questions get equal answers. Twins: ``tests/support/slow_search.py``.
+alone: equal questions get equal answers. Dijkstra from both ends: :mod:`services.planner.kernels.bidirectional`. Twins:
+``tests/support/slow_planner.py``.
 """
 
 from __future__ import annotations
@@ -11,13 +12,14 @@ import math
 import numpy as np
 from numba import njit
 
-__all__ = ["NOT_FOUND", "best_first", "breadth_first"]
+__all__ = ["NOT_FOUND", "best_first", "breadth_first", "pop", "push"]
 
 NOT_FOUND = -1
 
 
 @njit(cache=True, nogil=True)
-def _push(heap_key, heap_node, size, key, node):  # type: ignore[no-untyped-def]
+def push(heap_key, heap_node, size, key, node):  # type: ignore[no-untyped-def]
+    """Put ``node`` under ``key`` into a heap of ``size`` elements, the smallest key at the root; returns the new size."""
     i = size
     while i > 0:
         parent = (i - 1) >> 1
@@ -30,7 +32,7 @@ def _push(heap_key, heap_node, size, key, node):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _pop(heap_key, heap_node, size):  # type: ignore[no-untyped-def]
+def pop(heap_key, heap_node, size):  # type: ignore[no-untyped-def]
     """Remove the root (its values were read before); the last element sinks from the top."""
     size -= 1
     key, node = heap_key[size], heap_node[size]
@@ -100,13 +102,13 @@ def best_first(  # type: ignore[no-untyped-def]
         if node_count[n] == 0 and start_cost[k] < cost[n]:
             cost[n] = start_cost[k]
             bound = _distance(neurons, n, q_goal) if use_bound else 0.0
-            size = _push(heap_key, heap_node, size, cost[n] + bound, n)
+            size = push(heap_key, heap_node, size, cost[n] + bound, n)
     best, best_end = np.inf, -1
     while size > 0:
         key, n = heap_key[0], heap_node[0]
         if key >= best:
             break
-        size = _pop(heap_key, heap_node, size)
+        size = pop(heap_key, heap_node, size)
         bound = _distance(neurons, n, q_goal) if use_bound else 0.0
         if key > cost[n] + bound:
             continue  # a cheaper way was found since
@@ -123,7 +125,7 @@ def best_first(  # type: ignore[no-untyped-def]
                 cost[m] = through
                 parent[m] = n
                 bound = _distance(neurons, m, q_goal) if use_bound else 0.0
-                size = _push(heap_key, heap_node, size, through + bound, m)
+                size = push(heap_key, heap_node, size, through + bound, m)
     if best_end < 0:
         return NOT_FOUND, np.inf, settled
     return _trace(parent, best_end, path), best, settled

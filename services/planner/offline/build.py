@@ -1,4 +1,4 @@
-"""From nothing to a map that can be planned in: motions -> gas -> prune -> table -> one file in the cache.
+"""From nothing to a map that can be planned in: motions -> the chosen model -> prune -> table -> one file in the cache.
 
 Same robot, cell, config and recorded motions give the same bytes; nothing here is bounded by time. Seconds are reported, never kept.
 """
@@ -22,19 +22,19 @@ from common.errors import ArtefactError
 from common.robot.model import cache_dir
 from services.planner.config import PlannerConfig
 from services.planner.core.cognitive_map import CognitiveMap, statistics
-from services.planner.core.gng import GasParameters, GrowingNeuralGas
-from services.planner.core.lookup import LookupTable, build_table
-from services.planner.core.world import no_cells
-from services.planner.kernels.collision import FREE
+from services.planner.core.lookup import LookupTable
 from services.planner.offline import artefact
+from services.planner.offline.config import MapConfig
+from services.planner.offline.finishing import CheckedMap, prune_grown, table_of
+from services.planner.offline.growth import grow, model_of, parameters_of
 from services.planner.offline.motion_store import MotionOrder, make_motions
 from services.planner.offline.motions import Samples, resample
-from services.planner.offline.pruning import prune
 from services.planner.offline.scene import Scene
 
 __all__ = ["STAGES", "Built", "Job", "load", "load_or_build", "run"]
 
 F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
 Progress = Callable[[str, float], None]  # stage, share done 0..1
 
 STAGES = ("motions", "map", "prune", "table", "write")
@@ -47,7 +47,10 @@ def _silent(stage: str, share: float) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Built:
-    """A map with its table, as made or as read; ``figures`` are plain data that depend on nothing but the inputs."""
+    """A map with its table, as made or as read; ``figures`` are plain data that depend on nothing but the inputs.
+
+    ``lattice_unit`` (N,) int32: where each neuron of a SOM or gamma-SOM stands, row * columns + column; None for a gas.
+    """
 
     path: Path
     sha256: str  # of the file
@@ -55,6 +58,7 @@ class Built:
     table: LookupTable
     fingerprints: dict[str, str]
     figures: dict[str, Any]
+    lattice_unit: I32 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,7 +77,9 @@ class Job:
 
         Raises:
             RobotError: the robot cannot be loaded.
+            ConfigError: parameters of the model that do not go together.
         """
+        model_of(config)  # refuses now what it would refuse after all motions are made
         return Job(cell, config, Scene.of(cell, config.margins), tuple(recorded), cache or cache_dir())
 
     @property
@@ -84,12 +90,12 @@ class Job:
 
     @property
     def fingerprints(self) -> dict[str, str]:
-        """Of robot, grid, and config (static layer, motions, map, margins, recorded motions)."""
+        """Of robot, grid, and config (static layer, motions, margins, the model and its own parameters, recorded motions)."""
         recorded = [hashlib.sha256(np.ascontiguousarray(q).tobytes()).hexdigest() for q in self.recorded]
         return {
             "robot": self.scene.robot.fingerprint,
             "grid": self.scene.grid.fingerprint,
-            "config": _digest(self.motions_fingerprint, self.config.map, self.config.model, recorded),
+            "config": _digest(self.motions_fingerprint, parameters_of(self.config), self.config.model, recorded),
         }
 
     @property
@@ -120,7 +126,7 @@ def load(job: Job) -> Built:
     except (KeyError, TypeError) as error:
         raise ArtefactError(f"{job.path}: an array is missing or unknown: {error}", code="torn_artefact") from None
     sha256 = hashlib.sha256(job.path.read_bytes()).hexdigest()
-    return Built(job.path, sha256, learned, table, dict(kept.fingerprints), dict(kept.figures))
+    return Built(job.path, sha256, learned, table, dict(kept.fingerprints), dict(kept.figures), kept.arrays.get("lattice_unit"))
 
 
 def load_or_build(job: Job, progress: Progress = _silent) -> Built:
@@ -146,21 +152,16 @@ def run(job: Job, progress: Progress = _silent, *, force: bool = False) -> tuple
     with _stage("motions", progress, seconds):
         samples, n_trajectories = _samples(job, progress, force=force)
     with _stage("map", progress, seconds):
-        grown = _grow(job, samples, progress)
+        grown = grow(job.config, samples, lambda share: progress("map", share))
     with _stage("prune", progress, seconds):
-        learned = _prune(job, grown, samples)
+        checked = prune_grown(job.scene, job.config, grown, samples.q_rad)
     with _stage("table", progress, seconds):
-        table = _table(job, learned, progress)
+        table = table_of(job.scene, checked.learned, lambda share: progress("table", share))
     with _stage("write", progress, seconds):
-        figures = {
-            "trajectories": n_trajectories,
-            "samples": len(samples.q_rad),
-            **asdict(statistics(learned, samples.q_rad)),
-            "table_bytes": table.n_bytes,
-        }
-        sha256 = artefact.write(job.path, artefact.Artefact(_arrays(learned, table), job.fingerprints, figures))
+        figures = _figures(job, checked, samples, n_trajectories, table)
+        sha256 = artefact.write(job.path, artefact.Artefact(_arrays(checked, table), job.fingerprints, figures))
     seconds["total"] = sum(seconds.values())
-    return Built(job.path, sha256, learned, table, job.fingerprints, figures), seconds
+    return Built(job.path, sha256, checked.learned, table, job.fingerprints, figures, checked.lattice_unit), seconds
 
 
 @contextmanager
@@ -181,39 +182,18 @@ def _samples(job: Job, progress: Progress, *, force: bool) -> tuple[Samples, int
     return resample(paths, job.config.motions.n_samples), len(paths)
 
 
-def _grow(job: Job, samples: Samples, progress: Progress) -> CognitiveMap:
-    m = job.config.map
-    parameters = GasParameters(m.insert_every, m.e_best, m.e_neighbour, m.alpha, m.decay, m.max_age)
-    gas = GrowingNeuralGas(parameters, m.n_neurons)
-    return gas.fit(samples.q_rad, samples.starts, m.seed, lambda share: progress("map", share)).to_map()
+def _figures(job: Job, checked: CheckedMap, samples: Samples, n_trajectories: int, table: LookupTable) -> dict[str, Any]:
+    """A lattice also names its model and size; a file that does not is of a gas."""
+    lattice: dict[str, Any] = {}
+    parameters = parameters_of(job.config)
+    if not isinstance(parameters, MapConfig):
+        n_dropped = parameters.rows * parameters.columns - checked.learned.n_neurons
+        lattice = {"model": job.config.model, "rows": parameters.rows, "columns": parameters.columns, "dropped_units": n_dropped}
+    figures = asdict(statistics(checked.learned, samples.q_rad))
+    return {**lattice, "trajectories": n_trajectories, "samples": len(samples.q_rad), **figures, "table_bytes": table.n_bytes}
 
 
-def _prune(job: Job, grown: CognitiveMap, samples: Samples) -> CognitiveMap:
-    checker, nothing = job.scene.checker(), no_cells(job.scene.grid)
-    return prune(
-        grown,
-        samples.q_rad,
-        job.config.map.n_neurons,
-        pose_is_free=lambda q: checker.pose(nothing, q)[0] == FREE,
-        motion_is_free=lambda a, b: checker.segment(nothing, a, b),
-        bridge_max_rad=job.config.map.bridge_max_rad,
-        join_neighbours=job.config.map.join_neighbours,
-    )
-
-
-def _table(job: Job, learned: CognitiveMap, progress: Progress) -> LookupTable:
-    margins = job.config.margins
-    return build_table(
-        job.scene.arm,
-        job.scene.grid,
-        learned.q_rad,
-        learned.edges,
-        safety_m=margins.safety_m,
-        step_m=margins.step_m,
-        progress=lambda done, total: progress("table", done / total),
-    )
-
-
-def _arrays(learned: CognitiveMap, table: LookupTable) -> dict[str, NDArray[Any]]:
+def _arrays(checked: CheckedMap, table: LookupTable) -> dict[str, NDArray[Any]]:
+    lattice = {} if checked.lattice_unit is None else {"lattice_unit": checked.lattice_unit}
     rows = {f"table_{name}": getattr(table, name) for name in ("node_offset", "node_owner", "edge_offset", "edge_owner", "unavoidable")}
-    return {"neurons_rad": learned.q_rad, "edges": learned.edges, **rows}
+    return {"neurons_rad": checked.learned.q_rad, "edges": checked.learned.edges, **lattice, **rows}

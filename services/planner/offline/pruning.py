@@ -8,6 +8,13 @@ In this order, every step deterministic:
 4. the neurons that are missing now are taken from the samples: each time the sample worst represented so far becomes a neuron, joined to
    its nearest neurons by free edges (the insertion rule of "growing when required", Marsland et al. 2002, with the samples themselves,
    which are known to be free, as places).
+
+A lattice (SOM, gamma-SOM) keeps to its lattice: only what collides goes and what that cuts off, nothing is added. Measured at 100 x 100
+units on the motions of the UR3: 38 units collide, 3 and 6 more are cut off, so neither bridges nor other places are missed.
+
+No edge is too long: each is checked along its whole length and has its own row in the table. Some units of a lattice lie between two
+bundles of motions and hold it together by edges of up to 2.5 rad; a limit would tear it there, while a long edge costs no more than being
+blocked often (measured: tables of 59 MB for the SOM and 64 MB for the gamma-SOM against 57 MB for the gas, with twice as many edges).
 """
 
 from __future__ import annotations
@@ -20,9 +27,10 @@ from scipy.spatial import KDTree
 
 from services.planner.core.cognitive_map import CognitiveMap, components
 
-__all__ = ["fill_up", "join_components", "largest_component", "prune", "without_collisions"]
+__all__ = ["fill_up", "join_components", "largest_component", "prune", "prune_lattice", "without_collisions"]
 
 F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
 PoseCheck = Callable[[F64], bool]  # q (J,): free?
 MotionCheck = Callable[[F64, F64], bool]  # from, to (J,): free?
 
@@ -46,9 +54,30 @@ def prune(
     return fill_up(whole, samples_rad, n_neurons, motion_is_free, join_neighbours)
 
 
+def prune_lattice(grown: CognitiveMap, *, pose_is_free: PoseCheck, motion_is_free: MotionCheck) -> tuple[CognitiveMap, I32]:
+    """What is free and in one component, and (N,) int32 ascending which units of ``grown`` these are.
+
+    Raises:
+        ValueError: every unit collides.
+    """
+    is_free = _free_poses(grown, pose_is_free)
+    if not is_free.any():
+        raise ValueError(f"all {grown.n_neurons} units collide: nothing is left of the lattice")
+    free = _with_free_edges(grown.subset(is_free), motion_is_free)
+    is_whole = _in_largest_component(free)
+    return free.subset(is_whole), np.flatnonzero(is_free)[is_whole].astype(np.int32)
+
+
 def without_collisions(grown: CognitiveMap, pose_is_free: PoseCheck, motion_is_free: MotionCheck) -> CognitiveMap:
     """The neurons that are free, and the edges between them whose straight motion is."""
-    kept = grown.subset(np.array([pose_is_free(q) for q in grown.q_rad], dtype=np.bool_))
+    return _with_free_edges(grown.subset(_free_poses(grown, pose_is_free)), motion_is_free)
+
+
+def _free_poses(grown: CognitiveMap, pose_is_free: PoseCheck) -> NDArray[np.bool_]:
+    return np.array([pose_is_free(q) for q in grown.q_rad], dtype=np.bool_)
+
+
+def _with_free_edges(kept: CognitiveMap, motion_is_free: MotionCheck) -> CognitiveMap:
     free = np.array([motion_is_free(kept.q_rad[a], kept.q_rad[b]) for a, b in kept.edges], dtype=np.bool_)
     return CognitiveMap(kept.q_rad, kept.edges[free])
 
@@ -80,8 +109,12 @@ def _bridge(q_rad: F64, inside: NDArray[np.bool_], motion_is_free: MotionCheck, 
 
 def largest_component(joined: CognitiveMap) -> CognitiveMap:
     """The largest component; of equals the one with the lowest neuron."""
+    return joined.subset(_in_largest_component(joined))
+
+
+def _in_largest_component(joined: CognitiveMap) -> NDArray[np.bool_]:
     labels = components(joined.n_neurons, joined.edges)
-    return joined.subset(labels == np.argmax(np.bincount(labels)))
+    return np.asarray(labels == np.argmax(np.bincount(labels)))
 
 
 def fill_up(whole: CognitiveMap, samples_rad: F64, n_neurons: int, motion_is_free: MotionCheck, join_neighbours: int) -> CognitiveMap:

@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
 from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.find import SEARCHES
 from services.planner.core.lookup import LookupTable
 from services.planner.core.roadmap import Roadmap
+from services.planner.kernels.bidirectional import both_ends
 from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
 from tests.support.slow_planner import slow_dijkstra
 
@@ -23,30 +25,41 @@ def _roadmap(n, seed):
     return Roadmap.of(learned, empty, "test")
 
 
-def _best_first(r, node, edge, starts, goals, use_bound, q_goal):
+def _shortest(r, search, node, edge, starts, goals, q_goal):
+    """Path or None, its cost, neurons settled; by one of ``SEARCHES`` that finds shortest paths."""
     n, m = r.n_neurons, r.n_edges
-    size = len(starts) + 2 * m + n + 1
+    size = max(len(starts), len(goals)) + 2 * m + n + 1
     path = np.empty(n, dtype=np.int32)
-    k, cost, settled = best_first(
-        r.neurons_rad, r.adj_offset, r.adj_node, r.adj_edge, r.adj_length, node, edge,
-        np.array(list(starts), dtype=np.int32), np.array(list(starts.values())), np.array(list(goals), dtype=np.int32),
-        np.array(list(goals.values())), q_goal, use_bound, np.empty(n), np.empty(n, dtype=np.int32), np.empty(size),
-        np.empty(size, dtype=np.int32), path,
-    )  # fmt: skip
+    graph = (r.adj_offset, r.adj_node, r.adj_edge, r.adj_length, node, edge)
+    ends = [np.array(list(part), dtype=kind) for d in (starts, goals) for part, kind in ((d, np.int32), (d.values(), np.float64))]
+    scratch = [np.empty((2, k), dtype=kind) for k in (n, size) for kind in (np.float64, np.int32)]
+    if search == "bidirectional":
+        k, cost, settled = both_ends(*graph, *ends, *scratch, path)
+    else:
+        k, cost, settled = best_first(r.neurons_rad, *graph, *ends, q_goal, search == "astar", *(s[0] for s in scratch), path)
     return (None if k == NOT_FOUND else path[:k]), cost, settled
 
 
-@settings(max_examples=80, deadline=None)
-@given(st.integers(0, 10_000), st.floats(0.0, 0.6), st.booleans())
-def test_costs_equal_the_slow_twin(seed, share_blocked, use_bound):
+SHORTEST = ("dijkstra", "astar", "bidirectional")
+
+
+def test_every_search_is_compared_here():
+    assert {*SHORTEST, "wavefront"} == set(SEARCHES)
+
+
+@settings(max_examples=120, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 0.6), st.sampled_from(SHORTEST), st.floats(0.0, 0.3))
+def test_costs_equal_the_slow_twin(seed, share_blocked, search, share_banned):
     r = _roadmap(80, seed)
     rng = np.random.default_rng(seed)
     node = (rng.random(80) < share_blocked).astype(np.int32)
     edge = (rng.random(r.n_edges) < share_blocked / 3).astype(np.int32)
     q_goal = rng.normal(size=3)
-    starts = {int(k): float(rng.random()) for k in rng.choice(80, 3, replace=False)}
-    goals = {int(k): float(np.linalg.norm(r.neurons_rad[k] - q_goal)) for k in rng.choice(80, 3, replace=False)}
-    path, cost, _ = _best_first(r, node, edge, starts, goals, use_bound, q_goal)
+    starts = {int(k): float(rng.random()) for k in rng.choice(80, 6, replace=False)}
+    goals = {int(k): float(np.linalg.norm(r.neurons_rad[k] - q_goal)) for k in rng.choice(80, 6, replace=False)}
+    for joins in (starts, goals):
+        joins.update({k: np.inf for k in joins if rng.random() < share_banned})  # as the finder bans a connection
+    path, cost, _ = _shortest(r, search, node, edge, starts, goals, q_goal)
     free = {
         (int(a), int(b)): float(length)
         for (a, b), length, e in zip(r.edges, np.linalg.norm(np.diff(r.neurons_rad[r.edges], axis=1)[:, 0], axis=1), edge, strict=True)
@@ -55,7 +68,7 @@ def test_costs_equal_the_slow_twin(seed, share_blocked, use_bound):
     open_starts = {k: c for k, c in starts.items() if not node[k]}
     expected = slow_dijkstra(80, free, open_starts, {k: c for k, c in goals.items() if not node[k]})
     if path is None:
-        assert expected == np.inf
+        assert expected == np.inf == cost
         return
     assert cost == pytest.approx(expected, abs=1e-9)
     walked = starts[path[0]] + goals[path[-1]] + np.linalg.norm(np.diff(r.neurons_rad[path], axis=0), axis=1).sum()
@@ -63,13 +76,27 @@ def test_costs_equal_the_slow_twin(seed, share_blocked, use_bound):
     assert all((min(a, b), max(a, b)) in free for a, b in itertools.pairwise(path))
 
 
-def test_a_star_settles_fewer():
+@pytest.mark.parametrize("search", SHORTEST)
+def test_one_neuron_that_joins_both_ends_is_a_path(search):
+    r = _roadmap(50, 3)
+    node, edge = np.zeros(50, dtype=np.int32), np.zeros(r.n_edges, dtype=np.int32)
+    q_goal = r.neurons_rad[7]
+    path, cost, _ = _shortest(r, search, node, edge, {7: 0.25}, {7: 0.0}, q_goal)
+    assert path.tolist() == [7]
+    assert cost == 0.25
+    node[7] = 1
+    assert _shortest(r, search, node, edge, {7: 0.25}, {7: 0.0}, q_goal)[0] is None
+
+
+@pytest.mark.parametrize("search", ["astar", "bidirectional"])
+def test_it_settles_fewer_than_dijkstra_at_equal_cost(search):
     r = _roadmap(2000, 1)
     none, no_edge = np.zeros(2000, dtype=np.int32), np.zeros(r.n_edges, dtype=np.int32)
     start, goal = 0, int(np.argmax(np.linalg.norm(r.neurons_rad - r.neurons_rad[0], axis=1)))
-    results = [_best_first(r, none, no_edge, {start: 0.0}, {goal: 0.0}, bound, r.neurons_rad[goal]) for bound in (False, True)]
-    assert results[0][1] == pytest.approx(results[1][1], abs=1e-12)
-    assert results[1][2] < results[0][2]
+    middle = int(np.argmin(np.linalg.norm(r.neurons_rad - r.neurons_rad[[start, goal]].mean(axis=0), axis=1)))
+    plain, better = (_shortest(r, name, none, no_edge, {start: 0.0}, {middle: 0.0}, r.neurons_rad[middle]) for name in ("dijkstra", search))
+    assert plain[1] == pytest.approx(better[1], abs=1e-12)
+    assert better[2] < plain[2]
 
 
 def _breadth_first(r, node, edge, starts, goals):
@@ -98,8 +125,9 @@ def test_wavefront_takes_the_fewest_neurons(seed, share_blocked):
     assert path is None if expected == np.inf else len(path) == expected + 1
 
 
-def test_equal_questions_equal_answers():
+@pytest.mark.parametrize("search", SHORTEST)
+def test_equal_questions_equal_answers(search):
     r = _roadmap(300, 2)
     none, no_edge = np.zeros(300, dtype=np.int32), np.zeros(r.n_edges, dtype=np.int32)
-    answers = [_best_first(r, none, no_edge, {5: 0.1, 9: 0.1}, {200: 0.0}, False, r.neurons_rad[200])[0].tolist() for _ in range(3)]
+    answers = [_shortest(r, search, none, no_edge, {5: 0.1, 9: 0.1}, {200: 0.0}, r.neurons_rad[200])[0].tolist() for _ in range(3)]
     assert answers[0] == answers[1] == answers[2]

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import msgspec
 import numpy as np
@@ -8,10 +9,12 @@ import pytest
 
 from common.errors import ArtefactError
 from services.planner.config import PlannerConfig
+from services.planner.core.lattice import lattice_edges
 from services.planner.core.world import no_cells
 from services.planner.kernels.collision import FREE
 from services.planner.offline import build, motion_store
 from services.planner.offline.build import Job
+from services.planner.offline.config import GammaSomConfig, SomConfig
 from tests.support.cell import ur3_cell
 
 
@@ -38,6 +41,38 @@ def test_a_small_map_is_whole_free_and_told_in_figures(job: Job, built: build.Bu
     q = built.learned.q_rad
     assert all(checker.pose(nothing, p)[0] == FREE for p in q)
     assert all(checker.segment(nothing, q[a], q[b]) for a, b in built.learned.edges)
+
+
+LATTICES: dict[str, dict[str, Any]] = {
+    "som": {"som": SomConfig(rows=12, columns=11)},
+    "gamma_som": {"gamma_som": GammaSomConfig(rows=12, columns=11, epochs=3)},
+}
+
+
+@pytest.mark.parametrize("model", LATTICES)
+def test_a_lattice_is_built_to_a_free_part_of_itself(model: str, small: PlannerConfig, job: Job, built: build.Built, cache: Path) -> None:
+    del built  # its motions serve all models
+    config = msgspec.structs.replace(small, model=model, **LATTICES[model])
+    lattice = Job.of(ur3_cell(), config, cache=cache)
+    made, _ = build.run(lattice)
+    figures, unit = made.figures, made.lattice_unit
+    assert unit is not None and np.all(np.diff(unit) > 0) and 0 <= unit[0] <= unit[-1] < 132
+    assert (figures["model"], figures["rows"], figures["columns"], figures["components"]) == (model, 12, 11, 1)
+    assert figures["neurons"] == len(unit) == 132 - figures["dropped_units"] > 100
+    edges = {tuple(sorted(pair)) for pair in unit[made.learned.edges].tolist()}
+    assert edges <= {tuple(sorted(pair)) for pair in lattice_edges(12, 11, 8).tolist()}
+    checker, nothing = job.scene.checker(), no_cells(job.scene.grid)
+    q = made.learned.q_rad
+    assert all(checker.pose(nothing, p)[0] == FREE for p in q)
+    assert all(checker.segment(nothing, q[a], q[b]) for a, b in made.learned.edges)
+    kept = build.load(lattice)
+    assert kept.sha256 == made.sha256 == build.run(lattice)[0].sha256
+    assert kept.lattice_unit is not None and kept.lattice_unit.tobytes() == unit.tobytes()
+
+
+def test_a_gas_has_no_lattice(job: Job, built: build.Built) -> None:
+    assert built.lattice_unit is None and build.load(job).lattice_unit is None
+    assert not {"model", "rows"} & set(built.figures)
 
 
 def test_progress_passes_through_all_stages(small: PlannerConfig, job: Job, built: build.Built, tmp_path: Path) -> None:

@@ -9,17 +9,10 @@ from services.planner.core import gng
 from services.planner.core.cognitive_map import statistics
 from services.planner.core.gng import GasParameters, GrowingNeuralGas
 from services.planner.kernels import gng as kernel
+from tests.support.joint_samples import ring
 from tests.support.slow_gng import SlowGas
 
 NO_STARTS = np.zeros(1, dtype=np.int64)
-
-
-def ring(n: int, n_joints: int = 6, seed: int = 1) -> np.ndarray:
-    """Samples along a bent closed curve with a little noise."""
-    rng = np.random.default_rng(seed)
-    t = rng.uniform(0, 2 * np.pi, n)
-    waves = [np.cos(t), np.sin(t), 0.5 * np.sin(2 * t), 0.3 * np.cos(3 * t), 0.2 * np.sin(t), 0.1 * np.cos(2 * t)]
-    return np.stack(waves[:n_joints], axis=1) + rng.normal(scale=0.02, size=(n, n_joints))
 
 
 def shown_to_both(samples: np.ndarray, order: np.ndarray, p: GasParameters, n_target: int) -> tuple[kernel.Gas, SlowGas]:
@@ -117,17 +110,26 @@ def test_partial_fit_learns_a_new_place_and_keeps_the_old() -> None:
     assert statistics(after, samples).quantisation_error_rad < 0.1
 
 
-@pytest.mark.parametrize(
-    "samples", [np.zeros((1, 6)), np.zeros(6), np.full((5, 6), np.nan), np.ones((9, 6))], ids=["one", "flat", "nan", "all the same"]
-)
-def test_useless_samples_are_refused(samples: np.ndarray) -> None:
-    with pytest.raises(ValueError, match="samples"):
-        GrowingNeuralGas(GasParameters(), 10).fit(samples, NO_STARTS, 0)
+def test_a_gas_taken_up_again_from_its_map_is_that_map_and_learns_on() -> None:
+    samples, elsewhere = ring(3000), ring(500) + 3.0
+    kept = GrowingNeuralGas(GasParameters(), 300).fit(samples, NO_STARTS, 0).to_map()
+    gas = GrowingNeuralGas.of_map(kept, GasParameters(), 360, elsewhere)
+    again = gas.to_map()
+    assert again.q_rad.tobytes() == kept.q_rad.tobytes() and again.edges.tobytes() == kept.edges.tobytes()
+    asked = np.concatenate([ring(20, seed=9), elsewhere[:20]])
+    np.testing.assert_array_equal([gas.best_match(q) for q in asked], kept.best_match(asked))
+    learned = gas.partial_fit(elsewhere, seed=1, n_signals=9000).to_map()
+    assert kept.n_neurons < learned.n_neurons <= 360
+    assert statistics(learned, elsewhere).quantisation_error_rad < 0.05 * statistics(kept, elsewhere).quantisation_error_rad
+    assert statistics(learned, samples).quantisation_error_rad < 2.0 * statistics(kept, samples).quantisation_error_rad
 
 
-def test_what_is_not_fitted_answers_nothing() -> None:
-    with pytest.raises(ValueError, match="not fitted"):
-        GrowingNeuralGas(GasParameters(), 10).to_map()
+def test_a_gas_is_not_taken_up_with_less_room_or_another_width() -> None:
+    kept = GrowingNeuralGas(GasParameters(), 100).fit(ring(1000), NO_STARTS, 0).to_map()
+    with pytest.raises(ValueError, match="n_neurons is 50"):
+        GrowingNeuralGas.of_map(kept, GasParameters(), 50, ring(100))
+    with pytest.raises(ValueError, match="5 joints, the map has 6"):
+        GrowingNeuralGas.of_map(kept, GasParameters(), 200, ring(100, n_joints=5))
 
 
 def test_a_gas_of_one_joint_works() -> None:

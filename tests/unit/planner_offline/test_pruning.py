@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from services.planner.core.cognitive_map import CognitiveMap, components, statistics
-from services.planner.offline.pruning import fill_up, join_components, largest_component, prune, without_collisions
+from services.planner.offline.pruning import fill_up, join_components, largest_component, prune, prune_lattice, without_collisions
 
 
 def pose_is_free(q: np.ndarray) -> bool:
@@ -79,6 +79,28 @@ def test_pruned_maps_have_one_free_component_and_the_wanted_size(n_neurons: int)
     assert (figures.neurons, figures.components) == (n_neurons, 1)
     assert all_free(maps[0])
     assert maps[0].q_rad.tobytes() == maps[1].q_rad.tobytes() and maps[0].edges.tobytes() == maps[1].edges.tobytes()
+
+
+def test_a_lattice_loses_what_collides_and_gains_nothing() -> None:
+    grown = lattice()
+    kept, unit = prune_lattice(grown, pose_is_free=pose_is_free, motion_is_free=motion_is_free)
+    assert all_free(kept)
+    np.testing.assert_array_equal(kept.q_rad, grown.q_rad[unit])
+    assert {tuple(unit[edge]) for edge in kept.edges} <= {tuple(edge) for edge in grown.edges}
+    assert kept.n_neurons == 121 - 10  # the gap at y = 0.5 keeps both sides together
+    assert statistics(kept, kept.q_rad).components == 1
+
+
+def test_a_lattice_that_falls_apart_keeps_its_largest_part_and_is_not_mended() -> None:
+    def is_free(q: np.ndarray) -> bool:
+        return not 0.35 < q[0] < 0.45
+
+    _, unit = prune_lattice(
+        lattice(), pose_is_free=is_free, motion_is_free=lambda a, b: all(is_free(a + t * (b - a)) for t in np.linspace(0, 1, 50))
+    )
+    np.testing.assert_array_equal(unit, np.arange(5 * 11, 121))  # rows x = 0.5 to 1.0; those of x = 0 to 0.3 are fewer
+    with pytest.raises(ValueError, match="121 units collide"):
+        prune_lattice(lattice(), pose_is_free=lambda q: False, motion_is_free=motion_is_free)
 
 
 def test_edges_of_a_map_are_checked_and_put_in_order() -> None:

@@ -1,0 +1,114 @@
+"""A trained gas learns further motions: grown from the kept map, not from nothing, so that what it could do it mostly still can.
+
+Only a gas can: its units are as many as it needs. A SOM's are a fixed grid that is taken up by the motions it knows.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import ArtefactError, ConfigError, TolmanError
+from services.planner.config import PlannerConfig
+from services.planner.core.cognitive_map import CognitiveMap, quantisation_error_rad, statistics
+from services.planner.core.gng import GrowingNeuralGas
+from services.planner.core.lookup import LookupTable
+from services.planner.offline import artefact
+from services.planner.offline.config import MOST_NEURONS
+from services.planner.offline.finishing import prune_grown, table_of
+from services.planner.offline.growth import gas_parameters
+from services.planner.offline.scene import Scene
+
+__all__ = ["Extended", "extend", "kept_map"]
+
+F64 = NDArray[np.float64]
+Progress = Callable[[str, float], None]  # stage (map, prune, table), share done 0..1
+
+
+@dataclass(frozen=True, eq=False)
+class Extended:
+    """The extended map with its table. ``figures``: the map's statistics on the new samples, what it held before, and their error then."""
+
+    learned: CognitiveMap
+    table: LookupTable
+    figures: dict[str, Any]
+
+
+def kept_map(path: Path, scene: Scene) -> CognitiveMap:
+    """The gas of an artefact, for :func:`extend`.
+
+    Raises:
+        ArtefactError: not there, torn, of another version, or made for another robot or grid.
+        ConfigError: ``cannot_extend``: the artefact holds a SOM or gamma-SOM.
+    """
+    kept = artefact.read(path, {"robot": scene.robot.fingerprint, "grid": scene.grid.fingerprint})
+    _refuse_lattice(str(kept.figures.get("model", "gng")), str(path))
+    try:
+        return CognitiveMap(kept.arrays["neurons_rad"], kept.arrays["edges"])
+    except KeyError as error:
+        raise ArtefactError(f"{path}: array {error} is missing: it is no map", code="torn_artefact", facts={"path": str(path)}) from None
+
+
+def extend(
+    scene: Scene, config: PlannerConfig, kept: CognitiveMap, samples_rad: F64, progress: Progress = lambda _stage, _share: None
+) -> Extended:
+    """``kept`` after it has learned ``samples_rad`` too, free of collisions, and its table. Same arguments, same bytes.
+
+    It has ``config.extend.n_added`` neurons more than before. Learning moves and renews only what is near the new samples; what is lost
+    there (neurons that moved into collisions, edges that aged) is filled up from the new samples.
+
+    Args:
+        scene: robot, static layer and margins; may hold more than when ``kept`` was made: all of the map is checked anew.
+        config: ``[planner.map]`` for how a gas learns, ``[planner.extend]`` for how much.
+        kept: the map of a gas.
+        samples_rad: (S, J) of the further motions.
+        progress: called with (stage, share done).
+
+    Raises:
+        ConfigError: ``cannot_extend``: the config's model is a SOM or gamma-SOM.
+        TolmanError: ``bad_motions``: samples that nothing can be learned from, or of another arm.
+    """
+    _refuse_lattice(config.model, "[planner] model")
+    n_neurons = kept.n_neurons + config.extend.n_added
+    if n_neurons > MOST_NEURONS:
+        raise ConfigError(f"[planner.extend] n_added: {kept.n_neurons} + {config.extend.n_added} neurons are more than {MOST_NEURONS}")
+    progress("map", 0.0)
+    grown = _grown(config, kept, samples_rad, n_neurons)
+    progress("map", 1.0)
+    progress("prune", 0.0)
+    learned = prune_grown(scene, config, grown, samples_rad, n_neurons).learned
+    progress("prune", 1.0)
+    table = table_of(scene, learned, lambda share: progress("table", share))
+    figures = {
+        "neurons_before": kept.n_neurons,
+        "edges_before": len(kept.edges),
+        "quantisation_error_before_rad": quantisation_error_rad(kept, samples_rad),
+        "samples": len(samples_rad),
+        **asdict(statistics(learned, samples_rad)),
+        "table_bytes": table.n_bytes,
+    }
+    return Extended(learned, table, figures)
+
+
+def _grown(config: PlannerConfig, kept: CognitiveMap, samples_rad: F64, n_neurons: int) -> CognitiveMap:
+    # A gas inserts once in so many signals, so the signals decide how far it can grow; a quarter more, for units that die meanwhile.
+    n_signals = max(config.extend.rounds * len(samples_rad), config.map.insert_every * config.extend.n_added * 5 // 4)
+    try:
+        gas = GrowingNeuralGas.of_map(kept, gas_parameters(config.map), n_neurons, samples_rad)
+    except ValueError as error:
+        raise TolmanError(f"cannot extend the map: {error}", code="bad_motions") from None
+    return gas.partial_fit(samples_rad, config.extend.seed, n_signals).to_map()
+
+
+def _refuse_lattice(model: str, place: str) -> None:
+    if model != "gng":
+        raise ConfigError(
+            f"{place}: a {model} has a fixed grid and cannot be extended; train it anew on all motions",
+            code="cannot_extend",
+            facts={"place": place, "model": model},
+        )

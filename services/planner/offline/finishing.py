@@ -1,0 +1,83 @@
+"""From what a model grew to what can be driven: free of collisions in this scene, and with its table."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.errors import TolmanError
+from services.planner.config import PlannerConfig
+from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.lookup import LookupTable, build_table
+from services.planner.core.world import no_cells
+from services.planner.kernels.collision import FREE
+from services.planner.offline.pruning import prune, prune_lattice
+from services.planner.offline.scene import Scene
+
+__all__ = ["CheckedMap", "prune_grown", "table_of"]
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+
+
+@dataclass(frozen=True, eq=False)
+class CheckedMap:
+    """A map that is free; ``lattice_unit`` (N,) int32 says which unit of its lattice each neuron is, None for a gas."""
+
+    learned: CognitiveMap
+    lattice_unit: I32 | None = None
+
+
+def prune_grown(scene: Scene, config: PlannerConfig, grown: CognitiveMap, samples_rad: F64, n_neurons: int | None = None) -> CheckedMap:
+    """The map of the chosen model as :mod:`services.planner.offline.pruning` says: a gas is filled up, a lattice keeps to its lattice.
+
+    Args:
+        scene: what it must not hit.
+        config: the model, and for a gas how it is mended.
+        grown: all that the model grew.
+        samples_rad: (S, J) where a gas takes missing neurons from.
+        n_neurons: of the gas in the end (default: the config's).
+
+    Raises:
+        TolmanError: ``unreachable`` if nothing is left of a lattice.
+    """
+    checker, nothing = scene.checker(), no_cells(scene.grid)
+
+    def pose_is_free(q: F64) -> bool:
+        return checker.pose(nothing, q)[0] == FREE
+
+    def motion_is_free(a: F64, b: F64) -> bool:
+        return checker.segment(nothing, a, b)
+
+    if config.model != "gng":
+        try:
+            return CheckedMap(*prune_lattice(grown, pose_is_free=pose_is_free, motion_is_free=motion_is_free))
+        except ValueError as error:
+            raise TolmanError(f"[planner.{config.model}]: {error}", code="unreachable") from None
+    m = config.map
+    learned = prune(
+        grown,
+        samples_rad,
+        m.n_neurons if n_neurons is None else n_neurons,
+        pose_is_free=pose_is_free,
+        motion_is_free=motion_is_free,
+        bridge_max_rad=m.bridge_max_rad,
+        join_neighbours=m.join_neighbours,
+    )
+    return CheckedMap(learned)
+
+
+def table_of(scene: Scene, learned: CognitiveMap, progress: Callable[[float], None]) -> LookupTable:
+    """The lookup table of a map in its scene; ``progress`` is called with the share done."""
+    return build_table(
+        scene.arm,
+        scene.grid,
+        learned.q_rad,
+        learned.edges,
+        safety_m=scene.margins.safety_m,
+        step_m=scene.margins.step_m,
+        progress=lambda done, total: progress(done / total),
+    )
