@@ -25,10 +25,11 @@ from common.cell import load
 from common.config import plain
 from services.planner.assemble import Parts, assemble
 from services.planner.config import PlannerConfig
+from services.planner.core.arm import solids_of
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.rrt_connect import RrtConnect, RrtParameters
-from services.planner.core.world import World, cells_of, solids_of
+from services.planner.core.world import World, cells_of
 from services.planner.rehearsal import rehearse
 
 __all__ = ["add_arguments", "run"]

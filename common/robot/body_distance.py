@@ -7,39 +7,54 @@ import math
 import numpy as np
 from numba import njit
 
-from common.robot.kernels import body_grid, look_up
+from common.robot.kernels import body_grid, look_up, to_joint_frame
 
-__all__ = ["cover_distance", "pair_distance", "to_world"]
+__all__ = ["cover_distance", "pair_distance", "to_parts", "to_world"]
 
 
 @njit(cache=True, nogil=True)
-def pair_distance(grids, a, b, rotation, translation, enough_m):  # type: ignore[no-untyped-def]
-    """Lower bound in metres of the distance between bodies ``a`` and ``b`` (negative: overlap), at most ``enough_m``.
+def pair_distance(grids, a, b, rotation, translation, fine_m):  # type: ignore[no-untyped-def]
+    """Lower bound in metres of the distance between bodies ``a`` and ``b`` (negative: overlap).
 
-    The spheres of the body that has fewer groups are looked up in the other's grid, group by group; groups that are farther than
-    ``enough_m`` are not looked into, and ``enough_m`` is the answer if all are. What is farther than ``FAR`` from the other body counts as
-    just that far. ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3): frames.
+    The spheres of the body that has fewer groups are looked up in the other's grid, group by group. Bodies and groups that are more than
+    ``fine_m`` apart (by the spheres that contain them, by the grid) are not looked into: the bound is coarser there.
+    ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3): frames.
     """
     if grids.group_offset[a + 1] - grids.group_offset[a] > grids.group_offset[b + 1] - grids.group_offset[b]:
         a, b = b, a
     ja, jb = grids.body_joint[a], grids.body_joint[b]
-    cx, cy, cz = to_world(rotation[ja], translation[ja], grids.bound_centre_m, a)
-    dx, dy, dz = to_world(rotation[jb], translation[jb], grids.bound_centre_m, b)
-    apart = math.sqrt((cx - dx) ** 2 + (cy - dy) ** 2 + (cz - dz) ** 2)
-    if apart - grids.bound_radius_m[a] - grids.bound_radius_m[b] > enough_m:
-        return enough_m
-    turn, shift = _relative(rotation[ja], translation[ja], rotation[jb], translation[jb])
-    best = enough_m
+    turn_a, shift_a, turn_b, shift_b = rotation[ja], translation[ja], rotation[jb], translation[jb]
+    apart = np.inf
+    for p in range(grids.part_offset[a], grids.part_offset[a + 1]):
+        x, y, z = to_world(turn_a, shift_a, grids.part_m, p)
+        x, y, z = to_joint_frame(turn_b, shift_b, x, y, z)
+        apart = min(apart, to_parts(grids, b, x, y, z) - grids.part_m[p, 3])
+    if apart > fine_m:
+        return apart
+    best = np.inf
     distance, grid = grids.distance, body_grid(grids, b)
     groups, spheres, first = grids.group_m, grids.spheres_m, grids.group_sphere_offset
     for g in range(grids.group_offset[a], grids.group_offset[a + 1]):
-        x, y, z = to_world(turn, shift, groups, g)
-        if look_up(distance, grid, x, y, z) - groups[g, 3] >= best:
+        x, y, z = to_world(turn_a, shift_a, groups, g)
+        x, y, z = to_joint_frame(turn_b, shift_b, x, y, z)
+        apart = look_up(distance, grid, x, y, z) - groups[g, 3]
+        if apart > fine_m:
+            best = min(best, apart)
             continue
         for s in range(first[g], first[g + 1]):
-            x, y, z = to_world(turn, shift, spheres, s)
+            x, y, z = to_world(turn_a, shift_a, spheres, s)
+            x, y, z = to_joint_frame(turn_b, shift_b, x, y, z)
             best = min(best, look_up(distance, grid, x, y, z) - spheres[s, 3])
     return best
+
+
+@njit(cache=True, nogil=True)
+def to_parts(grids, b, x, y, z):  # type: ignore[no-untyped-def]
+    """Coarse lower bound in metres of the distance from a point in body ``b``'s joint frame to it, at any range."""
+    nearest = np.inf
+    for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
+        nearest = min(nearest, _to_sphere(grids.part_m, p, x, y, z))
+    return nearest
 
 
 @njit(cache=True, nogil=True)
@@ -62,18 +77,6 @@ def cover_distance(grids, b, x, y, z, enough_m):  # type: ignore[no-untyped-def]
 def _to_sphere(spheres, i, x, y, z):  # type: ignore[no-untyped-def]
     dx, dy, dz = spheres[i, 0] - x, spheres[i, 1] - y, spheres[i, 2] - z
     return math.sqrt(dx * dx + dy * dy + dz * dz) - spheres[i, 3]
-
-
-@njit(cache=True, nogil=True)
-def _relative(rotation_a, translation_a, rotation_b, translation_b):  # type: ignore[no-untyped-def]
-    """Pose of frame a in frame b: rotation (3, 3), translation (3,)."""
-    turn, shift = np.empty((3, 3)), np.empty(3)
-    for r in range(3):
-        shift[r] = 0.0
-        for k in range(3):
-            shift[r] += rotation_b[k, r] * (translation_a[k] - translation_b[k])
-            turn[r, k] = rotation_b[0, r] * rotation_a[0, k] + rotation_b[1, r] * rotation_a[1, k] + rotation_b[2, r] * rotation_a[2, k]
-    return turn, shift
 
 
 @njit(cache=True, nogil=True, inline="always")

@@ -62,6 +62,8 @@ class BodyGrids(NamedTuple):
     box_max_m: F64  # (B, 3)
     bound_centre_m: F64  # (B, 3) bounding sphere of the bare body
     bound_radius_m: F64  # (B,)
+    part_m: F64  # (Q, 4) x, y, z, radius: few spheres that together contain the whole body; what is not near them is not looked into
+    part_offset: I64  # (B + 1,) into part_m
     spheres_m: F64  # (S, 4) x, y, z, radius: together they cover the body's outer surface
     group_m: F64  # (G, 4) bounding spheres of groups of neighbouring spheres
     group_sphere_offset: I64  # (G + 1,) into spheres_m

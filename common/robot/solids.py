@@ -31,6 +31,7 @@ GRID_REACH_M = FAR + 0.005  # what lies beyond the grid is farther than FAR even
 SPHERE_OVERSHOOT_M = 0.008  # how far a cover sphere may stick out of the body; our choice
 SPHERE_RADIUS_MAX_M = 0.045  # so that a sphere's centre near another body still lies in that body's grid
 SPHERES_A_GROUP = 12  # our choice
+PART_RADIUS_MAX_M = 0.07  # of the spheres that contain a body; our choice: a link is about twice that long and half as thick
 COVER_CANDIDATES = 1500
 SAMPLE_GAP_M = 0.0025  # our choice
 CURVE_SEGMENTS = 32
@@ -115,7 +116,7 @@ def mesh_of_solid(solid: SolidConfig) -> tuple[F64, I32]:
 
 def build_grids(bodies: tuple[Body, ...]) -> BodyGrids:
     """Distance grids and sphere covers of all bodies. Takes about 10 s for a UR3 (libigl), hence cached by the caller."""
-    origins, shapes, distances, spheres, groups = [], [], [], [], []
+    origins, shapes, distances, spheres, groups, parts = [], [], [], [], [], []
     for body in bodies:
         origin, signed = _signed_distances(body)
         lower_bound = signed - GRID_SPACING_M * np.sqrt(3.0) / 2.0  # a signed distance changes by at most the way gone
@@ -124,6 +125,7 @@ def build_grids(bodies: tuple[Body, ...]) -> BodyGrids:
         shapes.append(signed.shape)
         distances.append(stored.astype(np.int16).ravel())
         ordered, group = _grouped(_sphere_cover(body, origin, signed))
+        parts.append(_parts(body, origin, signed))
         spheres.append(ordered)
         groups.append(group)
     boxes = [(b.vertices.min(axis=0), b.vertices.max(axis=0)) for b in bodies]
@@ -140,6 +142,8 @@ def build_grids(bodies: tuple[Body, ...]) -> BodyGrids:
         box_max_m=np.array([high for _, high in boxes]),
         bound_centre_m=np.array(centres),
         bound_radius_m=np.array(radii),
+        part_m=np.concatenate(parts),
+        part_offset=_offsets([len(p) for p in parts]),
         spheres_m=np.concatenate(spheres),
         group_m=np.concatenate([g[:, :4] for g in groups]),
         group_sphere_offset=_offsets(np.concatenate([g[:, 4] for g in groups])),
@@ -161,6 +165,23 @@ def _grouped(spheres: F64) -> tuple[F64, F64]:
     order = np.argsort(spheres[:, axis], kind="stable")
     halves = [_grouped(spheres[part]) for part in np.array_split(order, 2)]
     return np.vstack([h[0] for h in halves]), np.vstack([h[1] for h in halves])
+
+
+def _parts(body: Body, origin: F64, signed: F64) -> F64:
+    """(Q, 4) spheres that contain all of a body, inner voxels and surface; halved across the longest extent until they are small."""
+    points = np.vstack([_centres(origin, np.argwhere(_filled(signed))), _surface_samples(body)])
+    return _halved(points, SAMPLE_GAP_M + GRID_SPACING_M * np.sqrt(3.0) / 2.0)
+
+
+def _halved(points: F64, room: float) -> F64:
+    centre = (points.min(axis=0) + points.max(axis=0)) / 2.0
+    radius = float(np.linalg.norm(points - centre, axis=1).max()) + room
+    extent = np.ptp(points, axis=0)
+    axis = int(np.argmax(extent))
+    if radius <= PART_RADIUS_MAX_M or extent[axis] < PART_RADIUS_MAX_M:
+        return np.array([[*centre, radius]])
+    low = points[:, axis] <= centre[axis]
+    return np.vstack([_halved(points[low], room), _halved(points[~low], room)])
 
 
 def _signed_distances(body: Body) -> tuple[F64, F64]:

@@ -9,6 +9,7 @@ from common.cell import CellConfig
 from common.geometry.grid import Grid
 from common.robot.model import RobotModel
 from services.planner.config import PlannerConfig
+from services.planner.core.arm import arm_of, solids_of
 from services.planner.core.check import Checker, HandReach
 from services.planner.core.find import PathFinder
 from services.planner.core.goals import GoalResolver
@@ -17,7 +18,7 @@ from services.planner.core.reflex import Reflex
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.timing import Limits
 from services.planner.core.vision import Vision
-from services.planner.core.world import arm_of, no_cells, solids_of
+from services.planner.core.world import no_cells
 from services.planner.offline.build import Built, Job, load_or_build
 
 __all__ = ["Parts", "assemble"]

@@ -70,4 +70,5 @@ class PlannerConfig(Strict, frozen=True):
     replan: ReplanConfig = ReplanConfig()
     model: Literal["gng", "som", "gamma_som"] = "gng"  # paper: gng has the shortest paths; parameters in map, som, gamma_som
     rules: Literal["checked", "paper"] = "checked"
-    search: Literal["dijkstra", "astar", "bidirectional", "wavefront"] = "dijkstra"  # paper
+    # The paper has Dijkstra and wavefront; A* finds ways of the same cost several times faster.
+    search: Literal["dijkstra", "astar", "bidirectional", "wavefront"] = "astar"

@@ -9,8 +9,11 @@ from numpy.typing import NDArray
 
 from common.robot.kernels import forward_kinematics
 from common.robot.trajectory import JointTrajectory
-from services.planner.kernels.collision import FREE, HIT_CELL, HIT_STATIC, Arm, Cells, Solids, cells_that_hit, pose_verdict
+from services.planner.kernels.blends import fit_blends
+from services.planner.kernels.cells import Cells
+from services.planner.kernels.collision import FREE, HIT_CELL, HIT_STATIC, Arm, cells_that_hit, pose_verdict
 from services.planner.kernels.path import curve_verdict, first_blocked, segment_verdict
+from services.planner.kernels.static_layer import NO_SOLIDS, Solids
 
 __all__ = ["TOUCH_M", "Checker", "CurveVerdict", "HandReach"]
 
@@ -59,8 +62,8 @@ class Checker:
         self.step_m = step_m
         self._body_names = body_names
         self._solid_names = solid_names
-        self._arm_against_cells = arm._replace(pairs=np.empty((0, 2), dtype=np.int64))
-        self._no_solids = Solids(np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((0, 3)))
+        self._arm_against_cells = arm._replace(pairs=arm.pairs[:0], pair_lever_m=arm.pair_lever_m[:0])
+        self._no_solids = NO_SOLIDS
         n_joints = len(arm.chain.axis)
         self._rotation, self._translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
 
@@ -135,6 +138,12 @@ class Checker:
             if met is not None:
                 return met
         return None
+
+    def fit_blends(self, cells: Cells, path_rad: F64, share: float) -> F64:
+        """(P,) rad: how far from each corner of a path (P, J) it may be rounded (:mod:`services.planner.kernels.blends`)."""
+        reach = np.empty(len(path_rad))
+        fit_blends(self.arm, self.solids, cells, self.safety_m, self.step_m, path_rad, share, reach)
+        return reach
 
     def describe(self, verdict: int, index: int) -> str:
         """What a verdict means, in words."""

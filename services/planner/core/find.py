@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,9 +11,10 @@ from services.planner.core.check import Checker
 from services.planner.core.found import FoundPath, NotFound, path_length
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import World
-from services.planner.kernels.bidirectional import both_ends
+from services.planner.kernels.connect import ASTAR, BIDIRECTIONAL, DIJKSTRA, WAVEFRONT, Ends, Scratch, best_way, connect, join_ends
 from services.planner.kernels.path import nearest_free
-from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
+from services.planner.kernels.search import NOT_FOUND
+from services.planner.kernels.shorten import cut_corners
 
 __all__ = ["N_CONNECTIONS", "SEARCHES", "PathFinder", "Rules"]
 
@@ -21,6 +22,7 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 Rules = Literal["checked", "paper"]
 SEARCHES = ("dijkstra", "astar", "bidirectional", "wavefront")  # the first three find equally short paths, the last the fewest neurons
+KINDS = {"dijkstra": DIJKSTRA, "astar": ASTAR, "wavefront": WAVEFRONT, "bidirectional": BIDIRECTIONAL}
 N_CONNECTIONS = 24  # nearest free neurons that start and goal may join; our choice
 
 
@@ -31,11 +33,16 @@ class PathFinder:
         self.roadmap = roadmap
         self.checker = checker
         n, m = roadmap.n_neurons, roadmap.n_edges
-        self._cost, self._parent = np.empty((2, n)), np.empty((2, n), dtype=np.int32)  # row 1: from the goals, bidirectional only
-        self._level, self._queue = np.empty(n, dtype=np.int32), np.empty(n, dtype=np.int32)
         capacity = N_CONNECTIONS + 2 * m + n + 1
-        self._heap_key, self._heap_node = np.empty((2, capacity)), np.empty((2, capacity), dtype=np.int32)
-        self._path = np.empty(n, dtype=np.int32)
+        self.scratch = Scratch(
+            cost=np.empty((2, n)),
+            parent=np.empty((2, n), dtype=np.int32),
+            level=np.empty(n, dtype=np.int32),
+            queue=np.empty(n, dtype=np.int32),
+            heap_key=np.empty((2, capacity)),
+            heap_node=np.empty((2, capacity), dtype=np.int32),
+            path=np.empty(n, dtype=np.int32),
+        )
         self._none_blocked = np.zeros(n, dtype=np.int32)
         self._no_edges_blocked = np.zeros(m, dtype=np.int32)
 
@@ -72,19 +79,29 @@ class PathFinder:
         self, node_count: I32, edge_count: I32, start: I32, start_cost: F64, goal: I32, goal_cost: F64, q_goal: F64, search: str
     ) -> I32 | None:
         """Neurons of the best path from any of ``start`` to any of ``goal`` at these joining costs; None if there is none."""
-        r = self.roadmap
-        graph = (r.adj_offset, r.adj_node, r.adj_edge)
-        ends = (start, start_cost, goal, goal_cost)
-        if search == "wavefront":
-            n, _, _ = breadth_first(*graph, node_count, edge_count, *ends, self._level, self._parent[0], self._queue, self._path)
-        elif search == "bidirectional":
-            scratch = (self._cost, self._parent, self._heap_key, self._heap_node)
-            n, _, _ = both_ends(*graph, r.adj_length, node_count, edge_count, *ends, *scratch, self._path)
-        else:
-            bound = (q_goal, search == "astar")
-            scratch = (self._cost[0], self._parent[0], self._heap_key[0], self._heap_node[0])
-            n, _, _ = best_first(r.neurons_rad, *graph, r.adj_length, node_count, edge_count, *ends, *bound, *scratch, self._path)
-        return None if n == NOT_FOUND else self._path[:n].copy()
+        kind, graph = KINDS[search], self.roadmap.graph
+        n = best_way(kind, graph, node_count, edge_count, start, start_cost, goal, goal_cost, q_goal, self.scratch)
+        return None if n == NOT_FOUND else self.scratch.path[:n].copy()
+
+    def new_ends(self) -> Ends:
+        """Room for the neurons that a question's start and goal may join."""
+        index = np.empty((2, N_CONNECTIONS), dtype=np.int32)
+        return Ends(index, np.empty((2, N_CONNECTIONS)), np.zeros((2, N_CONNECTIONS), dtype=np.int8), np.zeros(2, dtype=np.int64))
+
+    def question(self, world: World, edge_count: I32, q_start: F64, q_goal: F64, search: str) -> tuple[Any, ...]:
+        """What the kernels are told of a question: map, what is blocked, checks, ends."""
+        c = self.checker
+        counts, checks = (world.counts.node, edge_count), (c.arm, c.solids, world.cells, c.safety_m, c.step_m)
+        return (KINDS[search], self.roadmap.graph, *counts, *checks, q_start, q_goal)
+
+    def join(self, world: World, q_start: F64, q_goal: F64, ends: Ends) -> None:
+        """The nearest free neurons of both ends."""
+        join_ends(self.roadmap.graph, world.counts.node, q_start, q_goal, ends)
+
+    def connect(self, world: World, edge_count: I32, q_start: F64, q_goal: F64, search: str, ends: Ends) -> I32 | None:
+        """Neurons of the best path whose two connections are free; None if there is none."""
+        n = connect(*self.question(world, edge_count, q_start, q_goal, search), ends, self.scratch)
+        return None if n == NOT_FOUND else self.scratch.path[:n].copy()
 
     def cut_corners(self, world: World, found: FoundPath, checks: int) -> F64:
         """(P, J) a shorter free path with the same ends.
@@ -92,17 +109,8 @@ class PathFinder:
         Points are skipped from the start on: the farthest point that a free straight segment reaches, by halving; at most ``checks``
         segments are tried. The piece that leads out of tolerated cells stays as it is.
         """
-        path = found.q_rad
-        kept = [0] if found.leaving is None else [0, 1]
-        while kept[-1] < len(path) - 1:
-            here, ahead = kept[-1], len(path) - 1
-            while ahead > here + 1:
-                if checks <= 0:
-                    ahead = here + 1
-                    break
-                checks -= 1
-                if self.checker.segment(world.cells, path[here], path[ahead]):
-                    break
-                ahead = here + max(1, (ahead - here) // 2)
-            kept.append(ahead)
-        return np.asarray(path[kept])
+        c, path = self.checker, np.ascontiguousarray(found.q_rad)
+        kept = np.empty(len(path), dtype=np.int64)
+        first = 0 if found.leaving is None else 1
+        n = cut_corners(c.arm, c.solids, world.cells, c.safety_m, c.step_m, path, first, checks, kept)
+        return np.asarray(path[kept[:n]])

@@ -12,7 +12,8 @@ from common.geometry.transforms import pose_matrix
 from common.robot.model import RobotModel
 from services.planner.core.check import Checker
 from services.planner.core.inverse_kinematics import InverseKinematics
-from services.planner.kernels.collision import FREE, Cells
+from services.planner.kernels.cells import Cells
+from services.planner.kernels.collision import FREE
 
 __all__ = ["GoalResolver"]
 

@@ -17,9 +17,9 @@ from numpy.typing import NDArray
 
 from common.geometry.grid import Grid
 from services.planner.kernels.collision import Arm
-from services.planner.kernels.lookup import add_to_counts, count_rows, edge_extra_cells, fill_rows, node_cells
+from services.planner.kernels.lookup import change_counts, count_rows, edge_extra_cells, fill_rows, node_cells
 
-__all__ = ["BlockedCounts", "LookupTable", "build_table", "cells_of_pose", "difference"]
+__all__ = ["BlockedCounts", "LookupTable", "build_table", "cells_of_pose"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -166,11 +166,6 @@ def cells_of_pose(arm: Arm, grid: Grid, q_rad: F64, *, safety_m: float) -> I32:
     return out[: offset[1]].copy()
 
 
-def difference(before: I32, after: I32) -> tuple[I32, I32]:
-    """Cells that appeared and cells that went, of two ascending sets (C,)."""
-    return np.setdiff1d(after, before, assume_unique=True), np.setdiff1d(before, after, assume_unique=True)
-
-
 class BlockedCounts:
     """How many occupied cells block each neuron and each edge: the map's view of one world.
 
@@ -185,13 +180,12 @@ class BlockedCounts:
 
     def set_cells(self, cells: I32) -> tuple[I32, I32]:
         """Make ``cells`` (ascending, unique) the occupied ones; cost follows the difference. Returns (appeared, gone)."""
-        appeared, gone = difference(self.cells, cells)
-        table = self._table
-        for changed, sign in ((appeared, 1), (gone, -1)):
-            add_to_counts(changed, sign, table.node_offset, table.node_owner, self.node)
-            add_to_counts(changed, sign, table.edge_offset, table.edge_owner, self.edge)
+        appeared, gone = np.empty(len(cells), dtype=np.int32), np.empty(len(self.cells), dtype=np.int32)
+        t = self._table
+        rows = (t.node_offset, t.node_owner, self.node, t.edge_offset, t.edge_owner, self.edge)
+        n_appeared, n_gone = change_counts(self.cells, cells, *rows, appeared, gone)
         self.cells = cells
-        return appeared, gone
+        return appeared[:n_appeared], gone[:n_gone]
 
     @property
     def n_blocked(self) -> int:

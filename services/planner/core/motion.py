@@ -12,8 +12,8 @@ from common.robot.trajectory import JointTrajectory
 from services.planner.core.check import TOUCH_M, HandReach
 from services.planner.core.find import PathFinder, Rules
 from services.planner.core.found import FoundPath, NotFound
-from services.planner.core.smoothing import Nurbs, candidates
-from services.planner.core.timing import Limits, time_curve, time_polyline
+from services.planner.core.smoothing import candidates
+from services.planner.core.timing import Limits, time_blends, time_curve, time_polyline
 from services.planner.core.way_out import route_of
 from services.planner.core.world import World
 from services.planner.kernels.collision import FREE
@@ -28,7 +28,7 @@ AT_REST_RAD_S = 1e-3  # a start slower than this is a start from rest; our choic
 LEADS = (1.1, 1.8)  # lead-in as a multiple of the braking distance along the velocity; 1 would be just enough to stop at its end
 SAME_PLACE_RAD = 1e-6
 ROUTES = 5  # paths a question is given until one stands the exact look; our choice: nearly all stand at once
-QUICK_LOOKS = 50  # poses of a curve looked at before it is timed; our choice
+BLEND_SHARES = (1.0, 0.3)  # of the room between corners, that their rounding may use; less where a hand needs room; our choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,7 +142,9 @@ class MotionPlanner:
             found = self.finder.find_paper(world, q_from, ask.q_goal, ask.search)
             watch.add("search", began)
             return found if isinstance(found, NotFound) else self._settled(self._drive(world, ask, found, velocity, limits, watch))
+        began = watch.clock_ns()
         route = route_of(self.finder, world, q_from, ask.q_goal, ask.search, self._joint_range)
+        watch.add("search", began)
         outcome: Motion | NotFound | _Blocked = route if isinstance(route, NotFound) else _Blocked(0)
         for _ in range(ask.routes):
             if isinstance(route, NotFound) or not isinstance(outcome, _Blocked):
@@ -175,9 +177,11 @@ class MotionPlanner:
             here = JointTrajectory(np.zeros(1), path.copy(), np.zeros_like(path))
             return Motion(here, found, "already there", 0.0, False)
         watch.add("smooth", began)
-        smooth = self._smooth(world, ask, found, path, velocity, limits, watch) if ask.smooth else None
-        if smooth is not None:
-            return smooth
+        if ask.smooth:
+            smoothing = self._smoothed_by_the_paper if ask.rules == "paper" else self._rounded
+            smooth = smoothing(world, found, path, velocity, limits, watch)
+            if smooth is not None:
+                return smooth
         return self._stop_at_corners(world, ask, found, path, velocity, limits, watch)
 
     def _stop_at_corners(
@@ -200,37 +204,38 @@ class MotionPlanner:
             piece = int(np.searchsorted(corner_s, blocked_s, side="right")) - 1
         return _Blocked(piece if velocity is None else piece - 1)
 
-    def _smooth(
-        self, world: World, ask: Ask, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch
-    ) -> Motion | None:
-        """The smoothest of the candidates whose timed curve is free."""
-        began = watch.clock_ns()
-        for curve in candidates(path, lead_in=velocity is not None):
-            if ask.rules == "checked" and not self._may_be_free(world, found, curve):
-                began = watch.add("verify", began)
-                continue
+    def _rounded(self, world: World, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch) -> Motion | None:
+        """The path with its corners rounded, as far as they are free; a corner that cannot be rounded is stopped at."""
+        cells = world.cells if found.leaving is None else found.leaving.rest.cells
+        for share in BLEND_SHARES if len(path) > 2 else ():
+            began = watch.clock_ns()
+            reach = self.checker.fit_blends(cells, path, share)
             began = watch.add("smooth", began)
-            timed = time_curve(curve, limits, velocity)
+            timed = time_blends(path, reach, limits, velocity)
             began = watch.add("time", began)
             if timed is None:
                 continue
-            free = self._accepted(world, ask.rules, found, curve, timed)
-            began = watch.add("verify", began)
-            if free:
-                return Motion(timed, found, curve.name, _length(timed), False)
+            blocked_s = self._blocked_at(world, found, timed)
+            watch.add("verify", began)
+            if blocked_s is None:
+                n_stops = int(np.count_nonzero(reach[1:-1] == 0.0))
+                return Motion(timed, found, f"blends {share:g}, {n_stops} stops", _length(timed), n_stops > 0)
         return None
 
-    def _may_be_free(self, world: World, found: FoundPath, curve: Nurbs) -> bool:
-        """A quick look at the curve's shape among the cells alone, before time is spent on its timing: most curves that fail, fail here."""
-        cells = world.cells if found.leaving is None else found.leaving.rest.cells
-        return self.checker.poses_meet(cells, curve(np.linspace(0.0, 1.0, QUICK_LOOKS))) is None
-
-    def _accepted(self, world: World, rules: Rules, found: FoundPath, curve: Nurbs, timed: JointTrajectory) -> bool:
-        """The paper accepts a smoothed path if its best matches are free; ``checked`` checks the very curve that is sent."""
-        if rules == "checked":
-            return self._blocked_at(world, found, timed) is None
-        points = curve(np.linspace(0.0, 1.0, max(2, 4 * len(found.q_rad))))
-        return all(world.counts.node[self.finder.best_match(q)] == 0 for q in points)
+    def _smoothed_by_the_paper(
+        self, world: World, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch
+    ) -> Motion | None:
+        """The smoothest NURBS whose best matches are free (section IV)."""
+        for curve in candidates(path, lead_in=velocity is not None):
+            began = watch.clock_ns()
+            timed = time_curve(curve, limits, velocity)
+            began = watch.add("time", began)
+            points = curve(np.linspace(0.0, 1.0, max(2, 4 * len(found.q_rad))))
+            free = timed is not None and all(world.counts.node[self.finder.best_match(q)] == 0 for q in points)
+            watch.add("verify", began)
+            if timed is not None and free:
+                return Motion(timed, found, curve.name, _length(timed), False)
+        return None
 
     def _blocked_at(self, world: World, found: FoundPath, timed: JointTrajectory) -> float | None:
         """Time of the first point of the timed curve that must not be driven; None if it is free."""

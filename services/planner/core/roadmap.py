@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.lookup import LookupTable
+from services.planner.kernels.connect import Graph
 
 __all__ = ["Roadmap"]
 
@@ -36,6 +37,11 @@ class Roadmap:
     adj_length: F64
     table: LookupTable
     model: str
+
+    @property
+    def graph(self) -> Graph:
+        """The map as the searches see it."""
+        return Graph(self.neurons_rad, self.adj_offset, self.adj_node, self.adj_edge, self.adj_length)
 
     @staticmethod
     def of(learned: CognitiveMap, table: LookupTable, model: str) -> Roadmap:

@@ -8,7 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.planner.kernels import rrt_connect as kernel
-from services.planner.kernels.collision import Arm, Cells, Solids, pose_is_free
+from services.planner.kernels.cells import Cells
+from services.planner.kernels.collision import Arm, pose_is_free
+from services.planner.kernels.static_layer import Solids
 
 __all__ = ["RrtConnect", "RrtParameters"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,9 +13,10 @@ from common.robot.curves import cut
 from common.robot.rates import largest_rates
 from common.robot.trajectory import JointTrajectory
 from services.planner.core.smoothing import Nurbs
+from services.planner.kernels.blends import sample_blends, sample_count
 from services.planner.kernels.timing import fastest_profile
 
-__all__ = ["Limits", "brake", "limit_ratio", "time_curve", "time_polyline"]
+__all__ = ["Limits", "brake", "limit_ratio", "time_blends", "time_curve", "time_polyline"]
 
 F64 = NDArray[np.float64]
 GRID_STEP_RAD = (
@@ -53,12 +55,48 @@ def time_curve(curve: Nurbs, limits: Limits, velocity_start: F64 | None = None) 
     n = int(np.clip(np.ceil(length / GRID_STEP_RAD), GRID_POINTS_MIN, GRID_POINTS_MAX)) + 1
     s = np.linspace(0.0, 1.0, n)
     q, d1, d2 = curve.derivatives(s)
+    return _time_samples(s, q, d1, d2, d2, limits, velocity_start)
+
+
+def time_blends(path_rad: F64, reach_rad: F64, limits: Limits, velocity_start: F64 | None = None) -> JointTrajectory | None:
+    """The fastest motion along a path (P, J) with rounded corners (``reach_rad`` (P,), :mod:`services.planner.kernels.blends`).
+
+    It stops at corners that are not rounded. None if it cannot be entered at ``velocity_start`` (J,) rad/s, along the first piece.
+    """
+    stops = np.flatnonzero(reach_rad[1:-1] <= 0.0) + 1
+    parts = []
+    for first, last in itertools.pairwise([0, *stops, len(path_rad) - 1]):
+        path, reach = path_rad[first : last + 1], reach_rad[first : last + 1]
+        n = sample_count(path, reach)
+        s, (q, d1, d2, d2_before) = np.empty(n), np.empty((4, n, path.shape[1]))
+        sample_blends(path, reach, s, q, d1, d2, d2_before)
+        part = _time_samples(s, q, d1, d2, d2_before, limits, velocity_start if first == 0 else None)
+        if part is None:
+            return None
+        parts.append(part)
+    return parts[0] if len(parts) == 1 else _one_after_the_other(parts)
+
+
+def _one_after_the_other(parts: list[JointTrajectory]) -> JointTrajectory:
+    """Motions that each end at rest where the next begins."""
+    begin_s = np.cumsum([0.0] + [part.duration_s for part in parts])
+    kept = [slice(0 if k == 0 else 1, None) for k in range(len(parts))]
+    return JointTrajectory(
+        np.concatenate([part.t_s[keep] + at_s for part, keep, at_s in zip(parts, kept, begin_s[:-1], strict=True)]),
+        np.concatenate([part.q_rad[keep] for part, keep in zip(parts, kept, strict=True)]),
+        np.concatenate([part.dq_rad_s[keep] for part, keep in zip(parts, kept, strict=True)]),
+    )
+
+
+def _time_samples(s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None) -> JointTrajectory | None:
+    """Time at samples of a path (kernels.timing's arguments), within limits also between them."""
     speed = 0.0
     if velocity_start is not None:
         speed = float(velocity_start @ d1[0]) / max(float(d1[0] @ d1[0]), 1e-12)
-    x, upper, time = np.empty(n), np.empty(n), np.empty(n)
+    x, upper, time = np.empty((3, len(s)))
     for factor in TIGHTEN:
-        if not fastest_profile(s, d1, d2, limits.velocity * max(factor, 0.9), limits.acceleration * factor, speed, x, upper, time):
+        speed_limit, acceleration_limit = limits.velocity * max(factor, 0.9), limits.acceleration * factor
+        if not fastest_profile(s, d1, d2, d2_before, speed_limit, acceleration_limit, speed, x, upper, time):
             return None
         dq = d1 * np.sqrt(x)[:, None]
         dq[0] = 0.0 if velocity_start is None else velocity_start

@@ -14,6 +14,7 @@ from services.planner.core.found import NO_NEURON, FoundPath, NotFound, path_len
 from services.planner.core.route import Route
 from services.planner.core.world import Leaving, World
 from services.planner.kernels.collision import FREE
+from services.planner.kernels.connect import GOAL_BLOCKED, START_BLOCKED
 
 __all__ = ["WayOut", "route_of", "steps_out"]
 
@@ -98,15 +99,16 @@ def route_of(
         search: one of :data:`services.planner.core.find.SEARCHES`.
         joint_range: (J,) least and (J,) largest joint angles.
     """
-    checker, leaving = finder.checker, None
-    verdict, index = checker.pose(world.cells, q_start)
-    if verdict != FREE:
-        leaving = world.leaving(checker, q_start)
-        if leaving is None:
-            return NotFound("start_blocked", f"start: {checker.describe(verdict, index)}")
-    verdict, index = checker.pose((world if leaving is None else leaving.rest).cells, q_goal)
+    checker = finder.checker
+    route, status, verdict, index = Route.ask(finder, world, q_start, q_goal, search)
+    if status == GOAL_BLOCKED:
+        return NotFound("goal_blocked", f"goal: {checker.describe(verdict, index)}")
+    if status != START_BLOCKED:
+        return route
+    leaving = world.leaving(checker, q_start)
+    if leaving is None:
+        return NotFound("start_blocked", f"start: {checker.describe(verdict, index)}")
+    verdict, index = checker.pose(leaving.rest.cells, q_goal)
     if verdict != FREE:
         return NotFound("goal_blocked", f"goal: {checker.describe(verdict, index)}")
-    if leaving is None:
-        return Route(finder, world, None, q_start, q_goal, search)
     return WayOut(finder, world, leaving, q_start, q_goal, search, joint_range)

@@ -1,23 +1,20 @@
-"""What the planner plans in: the arm, the static layer, and the cells of the moment with what they block."""
+"""What the planner plans in: the cells of the moment with what they block."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.cell import SolidConfig
 from common.geometry.grid import Grid
-from common.geometry.transforms import rpy_matrix
-from common.robot.model import RobotModel
 from services.planner.core.check import Checker
 from services.planner.core.lookup import BlockedCounts
-from services.planner.kernels.collision import BLOCK, BOX, CYLINDER, FREE, SPHERE, Arm, Cells, Solids, block_bounds
+from services.planner.kernels.cells import BLOCK, Cells, arrange_cells
+from services.planner.kernels.collision import FREE
 from services.planner.kernels.path import leaves
 
-__all__ = ["Leaving", "World", "arm_of", "cells_of", "no_cells", "solids_of"]
+__all__ = ["Leaving", "World", "cells_of", "no_cells"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -25,41 +22,13 @@ LEAVING_POSES = 40  # poses at which a straight way out is looked at; our choice
 LEAVING_SLACK_M = 0.006  # the distance grids answer by voxels of 5 mm: along a way out they go up and down by one
 
 
-def arm_of(robot: RobotModel, *, static_margin_m: float, self_margin_m: float) -> Arm:
-    """The arm as the checks see it; immobile bodies stand in the world and are left out against cells and static layer."""
-    return Arm(
-        chain=robot.chain,
-        grids=robot.grids,
-        moving=np.array([not body.immobile for body in robot.bodies], dtype=np.uint8),
-        pairs=robot.pairs,
-        static_margin_m=float(static_margin_m),
-        self_margin_m=float(self_margin_m),
-    )
-
-
-def solids_of(static: Sequence[SolidConfig]) -> Solids:
-    """The static layer as arrays."""
-    kinds = {"box": BOX, "sphere": SPHERE, "cylinder": CYLINDER}
-    n = len(static)
-    size, rotation, translation = np.zeros((n, 3)), np.zeros((n, 3, 3)), np.zeros((n, 3))
-    for i, solid in enumerate(static):
-        T = rpy_matrix(solid.position_m, solid.rpy_rad)
-        rotation[i], translation[i] = T[:3, :3], T[:3, 3]
-        if solid.shape == "box":
-            size[i] = np.asarray(solid.size_m) / 2.0
-        elif solid.shape == "cylinder":
-            size[i, :2] = solid.size_m[0], solid.size_m[1] / 2.0
-        else:
-            size[i, 0] = solid.size_m[0]
-    return Solids(np.array([kinds[s.shape] for s in static], dtype=np.int64), size, rotation, translation)
-
-
 def cells_of(grid: Grid, cells: I32) -> Cells:
-    """Flat cell indices (C,) as centres with block bounds; ascending indices make compact blocks."""
-    centre = np.ascontiguousarray(grid.centres(cells))
-    block = np.empty((-(-len(centre) // BLOCK), 4))
-    block_bounds(centre, block)
-    return Cells(centre, block, grid.resolution_m / 2.0)
+    """Flat cell indices (C,) as the checks see them."""
+    n = len(cells)
+    arranged = Cells(np.empty(n, dtype=np.int32), np.empty((n, 3)), np.empty((-(-n // BLOCK), 4)), grid.resolution_m / 2.0)
+    origin, shape = np.asarray(grid.origin_m), np.asarray(grid.shape)
+    arrange_cells(cells, origin, shape, grid.resolution_m, arranged.flat, arranged.centre_m, arranged.block_m)
+    return arranged
 
 
 def no_cells(grid: Grid) -> Cells:
@@ -88,7 +57,7 @@ class World:
         it is a cell thicker than it is); what else blocks the start (static layer, the arm itself) cannot be left that way.
         """
         near = checker.cells_hit(self.cells, q_start)
-        tolerated = self.counts.cells[near]
+        tolerated = np.sort(self.cells.flat[near])
         if not near.any() or checker.cells_hit(self.cells, q_start, safety_m=-self.cells.half_m).any():
             return None
         rest = World.of(self.grid, self.counts.without(tolerated))

@@ -1,6 +1,7 @@
 """The one collision check: a pose of the arm against cells, exact static shapes, and itself.
 
-Table, edges, connections, curves, repairs, stops and training motions all end here. Each test errs to the safe side only:
+Table, edges, connections, curves, repairs, stops and training motions all end here. Each test errs to the safe side only, and tells by
+how much it may change until its answer could: along a way most are not asked again (:class:`Slack`).
 
 * **cells**: a cell blocks a pose if any of its points may be nearer to a moving body than the safety distance. The cell is a cube; where
   its ball decides, no more is looked at, else its eight octants are.
@@ -20,29 +21,29 @@ from numba import njit
 from numpy.typing import NDArray
 
 from common.robot.body_distance import cover_distance, pair_distance, to_world
-from common.robot.kernels import FAR, TENTH_MM, BodyGrids, Chain, body_grid, forward_kinematics, look_up, to_joint_frame
+from common.robot.kernels import FAR, BodyGrids, Chain, body_grid, forward_kinematics, look_up, to_joint_frame
+from services.planner.kernels.cells import BLOCK
+from services.planner.kernels.static_layer import body_static_gap
 
 __all__ = [
-    "BLOCK",
-    "BOX",
-    "CYLINDER",
     "FREE",
     "HIT_CELL",
     "HIT_SELF",
     "HIT_STATIC",
-    "SPHERE",
     "Arm",
-    "Cells",
-    "Solids",
-    "block_bounds",
+    "Slack",
     "cell_touches_body",
     "cells_that_hit",
     "displacement_m",
+    "farthest_m",
     "frames_verdict",
+    "no_slack",
+    "pair_gap",
     "pose_hits_cell",
     "pose_is_free",
     "pose_verdict",
-    "static_clearance",
+    "spend",
+    "way_verdict",
 ]
 
 F64 = NDArray[np.float64]
@@ -50,10 +51,9 @@ I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 
 FREE, HIT_CELL, HIT_STATIC, HIT_SELF = 0, 1, 2, 3
-BOX, SPHERE, CYLINDER = 0, 1, 2
-BLOCK = 16  # cells that share a bounding sphere; our choice
 ROOT3 = math.sqrt(3.0)
-LOOK_M = 0.1  # how far beyond the margin the static layer is measured, to know how long it needs no look; our choice
+PAIR_FINE_M = 0.01  # pairs with less room than that beyond the margin are measured sphere by sphere; our choice
+COVER_LOOK_M = 0.02  # the same of cells beyond the distance grids' reach; our choice
 
 
 class Arm(NamedTuple):
@@ -65,42 +65,16 @@ class Arm(NamedTuple):
     pairs: I64  # (P, 2) bodies that can touch one another
     static_margin_m: float  # kept from exact static shapes
     self_margin_m: float  # kept between bodies of the arm
+    lever_m: F64  # (B, J) farthest that any point of a body moves, in metres per radian of a joint, in any pose
+    pair_lever_m: F64  # (P, J) the same for one body of a pair as seen from the other
 
 
-class Solids(NamedTuple):
-    """S exact static shapes: ``size_m`` box half extents; sphere [radius]; cylinder [radius, half length along z]."""
+class Slack(NamedTuple):
+    """How far in metres the arm may still move until a look could tell anything new; zero or less: look."""
 
-    kind: I64  # (S,) BOX, SPHERE, CYLINDER
-    size_m: F64  # (S, 3)
-    rotation: F64  # (S, 3, 3) world <- solid
-    translation: F64  # (S, 3)
-
-
-class Cells(NamedTuple):
-    """Occupied cells in space order, with a bounding sphere for every ``BLOCK`` of them."""
-
-    centre_m: F64  # (C, 3)
-    block_m: F64  # (ceil(C / BLOCK), 4) centre and radius that contain the blocks' centres
-    half_m: float  # half the edge of a cell
-
-
-@njit(cache=True, nogil=True)
-def block_bounds(centre_m, block_m):  # type: ignore[no-untyped-def]
-    """Fill ``block_m`` (n, 4) with bounding spheres of each ``BLOCK`` rows of ``centre_m`` (C, 3)."""
-    for k in range(len(block_m)):
-        first, last = k * BLOCK, min((k + 1) * BLOCK, len(centre_m))
-        for axis in range(3):
-            low, high = centre_m[first, axis], centre_m[first, axis]
-            for i in range(first + 1, last):
-                low, high = min(low, centre_m[i, axis]), max(high, centre_m[i, axis])
-            block_m[k, axis] = (low + high) / 2.0
-        radius2 = 0.0
-        for i in range(first, last):
-            d2 = 0.0
-            for axis in range(3):
-                d2 += (centre_m[i, axis] - block_m[k, axis]) ** 2
-            radius2 = max(radius2, d2)
-        block_m[k, 3] = math.sqrt(radius2)
+    cell_m: F64  # (B,) of each body against cells
+    static_m: F64  # (B,) against the static layer
+    pair_m: F64  # (P,) of each pair against one another
 
 
 @njit(cache=True, nogil=True, inline="always")
@@ -131,38 +105,54 @@ def cell_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # t
 
 
 @njit(cache=True, nogil=True)
-def pose_hits_cell(arm, cells, safety_m, rotation, translation):  # type: ignore[no-untyped-def]
-    """Index of a cell that blocks the pose with frames ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3), or -1.
+def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-untyped-def]
+    """``(cell, gap)``: a cell that blocks body ``b``, or -1 and how far the body may move until one could (a lower bound, in metres).
 
-    Where ``safety_m`` is more than the distance grids can tell, the spheres that cover the bodies answer.
+    ``turn`` (3, 3), ``shift`` (3,): the body's frame. Where ``safety_m`` is more than the distance grids can tell, the spheres that cover
+    the body answer.
     """
     grids = arm.grids
     distance, centre, block, half_m = grids.distance, cells.centre_m, cells.block_m, cells.half_m
     reach = safety_m + half_m * ROOT3
     beyond_grids = reach > FAR
-    for b in range(len(arm.moving)):
-        if not arm.moving[b]:
-            continue
-        j = grids.body_joint[b]
-        turn, shift, grid = rotation[j], translation[j], body_grid(grids, b)
-        cx, cy, cz = to_world(turn, shift, grids.bound_centre_m, b)
-        near = grids.bound_radius_m[b] + reach
-        near2 = near * near
+    grid = body_grid(grids, b)
+    gap = np.inf
+    for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
+        cx, cy, cz = to_world(turn, shift, grids.part_m, p)
+        near = grids.part_m[p, 3] + reach
         for k in range(len(block)):
             dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
-            if dx * dx + dy * dy + dz * dz > (near + block[k, 3]) ** 2:
+            room = math.sqrt(dx * dx + dy * dy + dz * dz) - near - block[k, 3]
+            if room > 0.0:
+                gap = min(gap, room)
                 continue
             for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
                 x, y, z = centre[i, 0], centre[i, 1], centre[i, 2]
                 dx, dy, dz = x - cx, y - cy, z - cz
-                if dx * dx + dy * dy + dz * dz > near2:
-                    continue
-                x, y, z = to_joint_frame(turn, shift, x, y, z)
-                if beyond_grids:
-                    if cover_distance(grids, b, x, y, z, reach + TENTH_MM) <= reach:
-                        return i
-                elif cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m):
-                    return i
+                room = math.sqrt(dx * dx + dy * dy + dz * dz) - near
+                if room <= 0.0:
+                    x, y, z = to_joint_frame(turn, shift, x, y, z)
+                    if beyond_grids:
+                        room = cover_distance(grids, b, x, y, z, reach + COVER_LOOK_M) - reach
+                        touches = room <= 0.0
+                    else:
+                        room = look_up(distance, grid, x, y, z) - reach
+                        touches = room <= 0.0 and cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m)
+                    if touches:
+                        return i, 0.0
+                gap = min(gap, max(room, 0.0))
+    return -1, gap
+
+
+@njit(cache=True, nogil=True)
+def pose_hits_cell(arm, cells, safety_m, rotation, translation):  # type: ignore[no-untyped-def]
+    """Index of a cell that blocks the pose with frames ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3), or -1."""
+    for b in range(len(arm.moving)):
+        if arm.moving[b]:
+            j = arm.grids.body_joint[b]
+            i, _ = body_cell_gap(arm, cells, b, safety_m, rotation[j], translation[j])
+            if i >= 0:
+                return i
     return -1
 
 
@@ -183,81 +173,97 @@ def cells_that_hit(arm, cells, safety_m, rotation, translation, hit):  # type: i
 
 
 @njit(cache=True, nogil=True)
-def _solid_distance(kind, size_m, turn, shift, s, px, py, pz):  # type: ignore[no-untyped-def]
-    """Signed distance in metres (negative inside) of a world point to solid ``s``; exact."""
-    px, py, pz = px - shift[s, 0], py - shift[s, 1], pz - shift[s, 2]
-    x = turn[s, 0, 0] * px + turn[s, 1, 0] * py + turn[s, 2, 0] * pz
-    y = turn[s, 0, 1] * px + turn[s, 1, 1] * py + turn[s, 2, 1] * pz
-    z = turn[s, 0, 2] * px + turn[s, 1, 2] * py + turn[s, 2, 2] * pz
-    if kind[s] == SPHERE:
-        return math.sqrt(x * x + y * y + z * z) - size_m[s, 0]
-    if kind[s] == BOX:
-        u, v, w = abs(x) - size_m[s, 0], abs(y) - size_m[s, 1], abs(z) - size_m[s, 2]
-        outside = math.sqrt(max(u, 0.0) ** 2 + max(v, 0.0) ** 2 + max(w, 0.0) ** 2)
-        return outside + min(max(u, v, w), 0.0)
-    u, w = math.sqrt(x * x + y * y) - size_m[s, 0], abs(z) - size_m[s, 1]
-    return math.sqrt(max(u, 0.0) ** 2 + max(w, 0.0) ** 2) + min(max(u, w), 0.0)
+def pair_gap(arm, p, rotation, translation):  # type: ignore[no-untyped-def]
+    """How far pair ``p``'s bodies may move against one another until they could touch (a lower bound, in metres); zero or less: now."""
+    grids, a, b = arm.grids, arm.pairs[p, 0], arm.pairs[p, 1]
+    return pair_distance(grids, a, b, rotation, translation, arm.self_margin_m + PAIR_FINE_M) - arm.self_margin_m
 
 
 @njit(cache=True, nogil=True)
-def static_clearance(arm, solids, rotation, translation, enough_m):  # type: ignore[no-untyped-def]
-    """``(distance, solid)``: lower bound in metres of the distance of the moving bodies to the static layer, and to which solid.
+def frames_verdict(arm, solids, cells, safety_m, rotation, translation, slack):  # type: ignore[no-untyped-def]
+    """``(FREE | HIT_CELL | HIT_STATIC | HIT_SELF, index of what is hit)`` of the pose with the given frames.
 
-    Distances of ``enough_m`` and more are not looked into: then ``enough_m`` is the answer, with -1.
+    Only what has no ``slack`` left is looked at, and gets new slack.
     """
     grids = arm.grids
-    kind, size, turn, shift = solids.kind, solids.size_m, solids.rotation, solids.translation
-    groups, spheres, first = grids.group_m, grids.spheres_m, grids.group_sphere_offset
-    best, which = enough_m, -1
+    for b in range(len(arm.moving)):
+        if arm.moving[b] and slack.cell_m[b] <= 0.0:
+            i, slack.cell_m[b] = body_cell_gap(arm, cells, b, safety_m, rotation[grids.body_joint[b]], translation[grids.body_joint[b]])
+            if i >= 0:
+                return HIT_CELL, i
+    for b in range(len(arm.moving)):
+        if arm.moving[b] and slack.static_m[b] <= 0.0:
+            turn, shift = rotation[grids.body_joint[b]], translation[grids.body_joint[b]]
+            slack.static_m[b], i = body_static_gap(grids, solids, b, turn, shift, arm.static_margin_m)
+            if i >= 0:
+                return HIT_STATIC, i
+    for p in range(len(arm.pairs)):
+        if slack.pair_m[p] <= 0.0:
+            slack.pair_m[p] = pair_gap(arm, p, rotation, translation)
+            if slack.pair_m[p] <= 0.0:
+                return HIT_SELF, p
+    return FREE, -1
+
+
+@njit(cache=True, nogil=True)
+def no_slack(arm):  # type: ignore[no-untyped-def]
+    """The slack of a pose of which nothing is known."""
+    return Slack(np.zeros(len(arm.moving)), np.zeros(len(arm.moving)), np.zeros(len(arm.pairs)))
+
+
+@njit(cache=True, nogil=True)
+def spend(arm, turned_rad, step_m, slack):  # type: ignore[no-untyped-def]
+    """Take from ``slack`` what the arm may have moved while its joints turned by at most ``turned_rad`` (J,) each.
+
+    ``step_m``: what no point of the arm outran. Returns whether anything has no slack left and must be looked at.
+    """
+    look = False
+    n_joints = len(turned_rad)
     for b in range(len(arm.moving)):
         if not arm.moving[b]:
             continue
-        frame, origin = rotation[grids.body_joint[b]], translation[grids.body_joint[b]]
-        cx, cy, cz = to_world(frame, origin, grids.bound_centre_m, b)
-        for s in range(len(kind)):
-            if _solid_distance(kind, size, turn, shift, s, cx, cy, cz) - grids.bound_radius_m[b] >= best:
-                continue
-            for g in range(grids.group_offset[b], grids.group_offset[b + 1]):
-                x, y, z = to_world(frame, origin, groups, g)
-                if _solid_distance(kind, size, turn, shift, s, x, y, z) - groups[g, 3] >= best:
-                    continue
-                for p in range(first[g], first[g + 1]):
-                    x, y, z = to_world(frame, origin, spheres, p)
-                    distance = _solid_distance(kind, size, turn, shift, s, x, y, z) - spheres[p, 3]
-                    if distance < best:
-                        best, which = distance, s
-    return best, which
+        moved_m = 0.0
+        for j in range(n_joints):
+            moved_m += turned_rad[j] * arm.lever_m[b, j]
+        moved_m = min(moved_m, step_m)
+        slack.cell_m[b] -= moved_m
+        slack.static_m[b] -= moved_m
+        look = look or slack.cell_m[b] <= 0.0 or slack.static_m[b] <= 0.0
+    for p in range(len(arm.pairs)):
+        moved_m = 0.0
+        for j in range(n_joints):
+            moved_m += turned_rad[j] * arm.pair_lever_m[p, j]
+        slack.pair_m[p] -= min(moved_m, 2.0 * step_m)
+        look = look or slack.pair_m[p] <= 0.0
+    return look
 
 
 @njit(cache=True, nogil=True)
-def frames_verdict(arm, solids, cells, safety_m, rotation, translation, moved_m, slack):  # type: ignore[no-untyped-def]
-    """``(FREE | HIT_CELL | HIT_STATIC | HIT_SELF, index of what is hit)`` of the pose with the given frames.
+def farthest_m(arm, turned_rad):  # type: ignore[no-untyped-def]
+    """Farthest in metres that any point of the moving bodies can move while the joints turn by at most ``turned_rad`` (J,) each."""
+    farthest = 0.0
+    for b in range(len(arm.moving)):
+        moved_m = 0.0
+        for j in range(len(turned_rad)):
+            moved_m += turned_rad[j] * arm.lever_m[b, j]
+        farthest = max(farthest, moved_m)
+    return farthest
 
-    Along a way the static layer is mostly far. ``slack`` (1,) remembers how far the arm may still move until it must be looked at again;
-    ``moved_m`` is what it moved since the last call. Zero means: look. (The same for pairs of bodies does not pay: their measured
-    distances end at the distance grids' reach, less than two steps.)
-    """
-    i = pose_hits_cell(arm, cells, safety_m, rotation, translation)
-    if i >= 0:
-        return HIT_CELL, i
-    slack[0] -= moved_m
-    if slack[0] <= 0.0:
-        distance, i = static_clearance(arm, solids, rotation, translation, arm.static_margin_m + LOOK_M)
-        if distance <= arm.static_margin_m:
-            return HIT_STATIC, i
-        slack[0] = distance - arm.static_margin_m
-    enough_m = arm.self_margin_m + TENTH_MM  # distances are stored in tenths of a millimetre
-    for p in range(len(arm.pairs)):
-        if pair_distance(arm.grids, arm.pairs[p, 0], arm.pairs[p, 1], rotation, translation, enough_m) <= arm.self_margin_m:
-            return HIT_SELF, p
-    return FREE, -1
+
+@njit(cache=True, nogil=True)
+def way_verdict(arm, solids, cells, safety_m, q_rad, turned_rad, step_m, slack, rotation, translation):  # type: ignore[no-untyped-def]
+    """:func:`frames_verdict` of the next pose ``q_rad`` (J,) along a way, ``turned_rad`` (J,) and ``step_m`` from the one before."""
+    if not spend(arm, turned_rad, step_m, slack):
+        return FREE, -1
+    forward_kinematics(arm.chain, q_rad, rotation, translation)
+    return frames_verdict(arm, solids, cells, safety_m, rotation, translation, slack)
 
 
 @njit(cache=True, nogil=True)
 def pose_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
     """:func:`frames_verdict` of ``q_rad`` (J,) by itself. ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3): scratch."""
     forward_kinematics(arm.chain, q_rad, rotation, translation)
-    return frames_verdict(arm, solids, cells, safety_m, rotation, translation, 0.0, np.zeros(1))
+    return frames_verdict(arm, solids, cells, safety_m, rotation, translation, no_slack(arm))
 
 
 @njit(cache=True, nogil=True)

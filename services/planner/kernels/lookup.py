@@ -14,7 +14,7 @@ from numba import njit
 from common.robot.kernels import body_grid, forward_kinematics
 from services.planner.kernels.collision import ROOT3, cell_touches_body, displacement_m
 
-__all__ = ["add_to_counts", "count_rows", "edge_extra_cells", "fill_rows", "node_cells", "pose_cells", "segment_steps"]
+__all__ = ["change_counts", "count_rows", "edge_extra_cells", "fill_rows", "node_cells", "pose_cells", "segment_steps"]
 
 PIECE_RAD = 0.25  # see segment_steps
 
@@ -196,7 +196,30 @@ def fill_rows(offset, items, first_owner, cursor, owner):  # type: ignore[no-unt
 
 
 @njit(cache=True, nogil=True)
-def add_to_counts(cells, sign, row_offset, row_owner, count):  # type: ignore[no-untyped-def]
+def change_counts(before, after, node_offset, node_owner, node, edge_offset, edge_owner, edge, appeared, gone):  # type: ignore[no-untyped-def]
+    """Bring ``node`` (N,) and ``edge`` (M,) from the cells ``before`` to the cells ``after``, both ascending; cost follows the difference.
+
+    Fills ``appeared`` and ``gone``; returns how many there are of each.
+    """
+    i, k, n_appeared, n_gone = 0, 0, 0, 0
+    while i < len(before) or k < len(after):
+        if k == len(after) or (i < len(before) and before[i] < after[k]):
+            gone[n_gone] = before[i]
+            i, n_gone = i + 1, n_gone + 1
+        elif i == len(before) or after[k] < before[i]:
+            appeared[n_appeared] = after[k]
+            k, n_appeared = k + 1, n_appeared + 1
+        else:
+            i, k = i + 1, k + 1
+    _add_to_counts(appeared[:n_appeared], 1, node_offset, node_owner, node)
+    _add_to_counts(appeared[:n_appeared], 1, edge_offset, edge_owner, edge)
+    _add_to_counts(gone[:n_gone], -1, node_offset, node_owner, node)
+    _add_to_counts(gone[:n_gone], -1, edge_offset, edge_owner, edge)
+    return n_appeared, n_gone
+
+
+@njit(cache=True, nogil=True)
+def _add_to_counts(cells, sign, row_offset, row_owner, count):  # type: ignore[no-untyped-def]
     """Add ``sign`` to ``count`` of every owner in the rows of ``cells`` (C,). Cost follows the changed cells."""
     for c in range(len(cells)):
         for i in range(row_offset[cells[c]], row_offset[cells[c] + 1]):

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from common.robot.kernels import FAR, body_grid, forward_kinematics, look_up, to_joint_frame
-from services.planner.kernels.collision import FREE, displacement_m, frames_verdict, pose_hits_cell
+from services.planner.kernels.collision import FREE, farthest_m, no_slack, pose_hits_cell, way_verdict
 from services.planner.kernels.lookup import segment_steps
 
 __all__ = ["cells_distance", "curve_verdict", "first_blocked", "leaves", "nearest_free", "segment_verdict"]
@@ -23,14 +23,14 @@ def segment_verdict(arm, solids, cells, safety_m, step_m, q_a, q_b):  # type: ig
     """
     n_joints = len(q_a)
     rotation, translation = np.empty((2, n_joints + 1, 3, 3)), np.empty((2, n_joints + 1, 3))
-    slack = np.zeros(1)
+    slack = no_slack(arm)
     dq, q = q_b - q_a, q_a.copy()
     n_steps = segment_steps(arm, q_a, dq, step_m, rotation, translation)
+    turned = np.abs(dq) / n_steps
     for s in range(n_steps + 1):
         for j in range(n_joints):
             q[j] = q_a[j] + dq[j] * (s / n_steps)
-        forward_kinematics(arm.chain, q, rotation[0], translation[0])
-        verdict, index = frames_verdict(arm, solids, cells, safety_m, rotation[0], translation[0], step_m, slack)
+        verdict, index = way_verdict(arm, solids, cells, safety_m, q, turned, step_m, slack, rotation[0], translation[0])
         if verdict != FREE:
             return verdict, index, s / n_steps
     return FREE, -1, 1.0
@@ -40,35 +40,48 @@ def segment_verdict(arm, solids, cells, safety_m, step_m, q_a, q_b):  # type: ig
 def curve_verdict(arm, solids, cells, safety_m, step_m, t_s, q_rad, dq_rad_s, from_s, to_s):  # type: ignore[no-untyped-def]
     """Check the cubic Hermite curve of a trajectory between two times, ends included.
 
-    Each knot interval is cut into equal times, so many that no point of the arm moves by more than ``step_m`` from one to the next:
-    displacements are taken between the knots and the middle, and a tenth is added for what varies within the halves.
+    Each knot interval is cut into equal times, so many that no point of the arm moves by more than ``step_m`` from one to the next: no
+    joint turns faster than the fastest leg of the interval's Bezier polygon, and no point moves more than its lever times that.
 
     Returns:
         (verdict, index of what is hit, time in s of the first blocked sample or ``to_s``, number of poses checked).
     """
     n_joints = q_rad.shape[1]
-    rotation, translation = np.empty((3, n_joints + 1, 3, 3)), np.empty((3, n_joints + 1, 3))
-    slack, q = np.zeros(1), np.empty(n_joints)
+    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
+    slack, q, turned = no_slack(arm), np.empty(n_joints), np.zeros(n_joints)
     n_poses = 0
     for k in range(max(1, len(t_s) - 1)):
         begin_s, end_s = max(from_s, t_s[k]), min(to_s, t_s[min(k + 1, len(t_s) - 1)])
         if end_s < begin_s or (end_s == begin_s and n_poses > 0):
             continue
-        for third in range(3):
-            _hermite(t_s, q_rad, dq_rad_s, k, begin_s + 0.5 * third * (end_s - begin_s), q)
-            forward_kinematics(arm.chain, q, rotation[third], translation[third])
-        first_half = displacement_m(arm, rotation[0], translation[0], rotation[1], translation[1])
-        second_half = displacement_m(arm, rotation[1], translation[1], rotation[2], translation[2])
-        n_steps = max(1, math.ceil(2.2 * max(first_half, second_half) / step_m))
+        _largest_turns(t_s, q_rad, dq_rad_s, k, end_s - begin_s, turned)
+        n_steps = max(1, math.ceil(farthest_m(arm, turned) / step_m))
+        for j in range(n_joints):
+            turned[j] /= n_steps
         for s in range(0 if n_poses == 0 else 1, n_steps + 1):
             t = begin_s + (end_s - begin_s) * (s / n_steps)
             _hermite(t_s, q_rad, dq_rad_s, k, t, q)
-            forward_kinematics(arm.chain, q, rotation[0], translation[0])
-            verdict, index = frames_verdict(arm, solids, cells, safety_m, rotation[0], translation[0], step_m, slack)
+            verdict, index = way_verdict(arm, solids, cells, safety_m, q, turned, step_m, slack, rotation, translation)
             n_poses += 1
             if verdict != FREE:
                 return verdict, index, t, n_poses
     return FREE, -1, to_s, n_poses
+
+
+@njit(cache=True, nogil=True)
+def _largest_turns(t_s, q_rad, dq_rad_s, k, within_s, turned):  # type: ignore[no-untyped-def]
+    """Fill ``turned`` (J,) with the most that each joint can turn in ``within_s`` of knot interval ``k``.
+
+    A cubic's rate is a mean of the legs of its Bezier polygon (times three), so the largest leg bounds it.
+    """
+    if len(t_s) == 1:
+        turned[:] = 0.0
+        return
+    h = t_s[k + 1] - t_s[k]
+    for j in range(len(turned)):
+        first, last = dq_rad_s[k, j] * h / 3.0, dq_rad_s[k + 1, j] * h / 3.0
+        middle = q_rad[k + 1, j] - q_rad[k, j] - first - last
+        turned[j] = 3.0 * max(abs(first), abs(middle), abs(last)) * (within_s / h)
 
 
 @njit(cache=True, nogil=True)

@@ -12,7 +12,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from services.planner.kernels.collision import Arm, Cells, Solids, pose_is_free
+from services.planner.kernels.cells import Cells
+from services.planner.kernels.collision import Arm, pose_is_free
+from services.planner.kernels.static_layer import Solids
 from services.planner.kernels.xoshiro import uniform
 
 __all__ = ["Trees", "World", "grow_until_joined", "segment_is_free", "shortcut"]

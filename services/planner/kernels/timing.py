@@ -60,11 +60,12 @@ def _x_max(d1, d2, velocity, acceleration):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def fastest_profile(s, d1, d2, velocity, acceleration, speed_start, x, upper, time):  # type: ignore[no-untyped-def]
+def fastest_profile(s, d1, d2, d2_before, velocity, acceleration, speed_start, x, upper, time):  # type: ignore[no-untyped-def]
     """Squared path speed and time at grid points of the fastest motion that starts at ``speed_start`` and ends at rest.
 
     Args:
-        s: (N,) increasing path parameters. d1, d2: (N, J) derivatives of the path by s.
+        s: (N,) increasing path parameters. d1, d2: (N, J) derivatives of the path by s; ``d2_before`` (N, J): the second one just before
+            each point, for paths on which it jumps.
         velocity, acceleration: (J,) limits.
         speed_start: ds/dt at the first grid point.
         x, time: (N,) out. upper: (N,) scratch, on return the largest controllable x.
@@ -79,7 +80,9 @@ def fastest_profile(s, d1, d2, velocity, acceleration, speed_start, x, upper, ti
         x_try = _x_max(d1[i], d2[i], velocity, acceleration)
         # The feasible interval of u shrinks concavely with x: follow the two active lines to where they meet.
         for _ in range(50):
-            low, low_slope, high, high_slope = _bounds_of_u(x_try, d1[i], d2[i], d1[i + 1], d2[i + 1], acceleration, delta, upper[i + 1])
+            low, low_slope, high, high_slope = _bounds_of_u(
+                x_try, d1[i], d2[i], d1[i + 1], d2_before[i + 1], acceleration, delta, upper[i + 1]
+            )
             if low <= high + SLACK:
                 break
             if low_slope - high_slope < TINY:
@@ -93,7 +96,7 @@ def fastest_profile(s, d1, d2, velocity, acceleration, speed_start, x, upper, ti
     time[0] = 0.0
     for i in range(n - 1):
         delta = s[i + 1] - s[i]
-        low, _, high, _ = _bounds_of_u(x[i], d1[i], d2[i], d1[i + 1], d2[i + 1], acceleration, delta, upper[i + 1])
+        low, _, high, _ = _bounds_of_u(x[i], d1[i], d2[i], d1[i + 1], d2_before[i + 1], acceleration, delta, upper[i + 1])
         u = max(high, low) if high >= low - 1e-6 * abs(low) - SLACK else low
         x[i + 1] = min(max(x[i] + 2.0 * delta * u, 0.0), upper[i + 1])
         speeds = math.sqrt(x[i]) + math.sqrt(x[i + 1])

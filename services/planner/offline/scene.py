@@ -11,11 +11,13 @@ from common.cell import CellConfig
 from common.geometry.grid import Grid
 from common.robot.model import RobotModel, load_robot
 from services.planner.config import MarginsConfig
+from services.planner.core.arm import arm_of, solids_of
 from services.planner.core.check import Checker
 from services.planner.core.rrt_connect import RrtConnect, RrtParameters
-from services.planner.core.world import arm_of, cells_of, solids_of
-from services.planner.kernels.collision import Arm, Solids
+from services.planner.core.world import cells_of
+from services.planner.kernels.collision import Arm
 from services.planner.kernels.rrt_connect import World
+from services.planner.kernels.static_layer import Solids
 
 __all__ = ["Scene"]
 

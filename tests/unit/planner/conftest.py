@@ -7,8 +7,9 @@ import pytest
 
 from common.geometry.grid import Grid
 from common.robot.model import RobotModel
+from services.planner.core.arm import arm_of, solids_of
 from services.planner.core.check import Checker
-from services.planner.core.world import arm_of, no_cells, solids_of
+from services.planner.core.world import no_cells
 from services.planner.kernels.collision import FREE
 from tests.support.cell import ur3, ur3_cell
 

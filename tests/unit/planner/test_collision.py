@@ -6,7 +6,8 @@ import pytest
 
 from common.cell import SolidConfig
 from common.robot.pairs import coal_mesh
-from services.planner.core.world import arm_of, cells_of, no_cells, solids_of
+from services.planner.core.arm import arm_of, solids_of
+from services.planner.core.world import cells_of, no_cells
 from services.planner.kernels.collision import FREE, HIT_CELL, HIT_SELF, HIT_STATIC, pose_verdict
 from tests.support.slow_planner import slow_pose_cells
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from common.geometry.grid import Grid
-from services.planner.core.lookup import BlockedCounts, build_table, cells_of_pose, difference
+from services.planner.core.lookup import BlockedCounts, build_table, cells_of_pose
 from services.planner.core.world import cells_of
 from services.planner.kernels.lookup import segment_steps
 from tests.support.slow_planner import slow_counts, slow_pose_cells
@@ -66,9 +66,11 @@ def test_unavoidable_cells_are_in_no_row(small):
 def test_counts_follow_differences_and_equal_a_recount(small, frames):
     _grid, q, edges, table = small
     counts = BlockedCounts(table, len(q), len(edges))
+    before: set[int] = set()
     for frame in frames:
         appeared, gone = counts.set_cells(np.array(sorted(frame), dtype=np.int32))
-        assert set(appeared.tolist()).isdisjoint(gone.tolist())
+        assert appeared.tolist() == sorted(frame - before) and gone.tolist() == sorted(before - frame)
+        before = frame
     rows = {c: table.neurons_of(c).tolist() for c in frames[-1]}
     assert np.array_equal(counts.node, slow_counts(rows, frames[-1], len(q)))
     edge_rows = {c: table.edges_of(c).tolist() for c in frames[-1]}
@@ -97,11 +99,6 @@ def test_without_is_a_copy(small):
     fresh.set_cells(cells[20:])
     assert np.array_equal(fewer.node, fresh.node) and np.array_equal(fewer.edge, fresh.edge)
     assert np.array_equal(counts.node, before)
-
-
-def test_difference():
-    appeared, gone = difference(np.array([1, 3, 5], dtype=np.int32), np.array([3, 4], dtype=np.int32))
-    assert appeared.tolist() == [4] and gone.tolist() == [1, 5]
 
 
 def test_the_table_says_what_the_check_says(bench, small):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -14,6 +14,7 @@ SHAPE = (4, 5, 3)
 N_CELLS = 60
 
 
+@settings(deadline=None)
 @given(arrays(np.bool_, N_CELLS), st.integers(1, 9))
 def test_it_equals_its_slow_twin_and_leaves_its_scratch_clean(occupied: np.ndarray, least: int) -> None:
     cells = np.flatnonzero(occupied).astype(np.int32)

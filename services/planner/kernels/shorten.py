@@ -1,0 +1,38 @@
+"""Corners cut from a path: points are skipped where the straight way past them is free. Twin: ``tests/support/slow_shorten.py``."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from services.planner.kernels.connect import straight_is_free
+
+__all__ = ["cut_corners"]
+
+
+@njit(cache=True, nogil=True)
+def cut_corners(arm, solids, cells, safety_m, step_m, path, first, n_checks, kept):  # type: ignore[no-untyped-def]
+    """Indices of the points of ``path`` (P, J) that stay, into ``kept`` (P,); returns how many.
+
+    From each point on, the farthest point that a free straight segment reaches, by halving; at most ``n_checks`` segments are tried.
+    Points up to ``first`` all stay.
+    """
+    n_joints = path.shape[1]
+    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
+    n = 0
+    for k in range(first + 1):
+        kept[n] = k
+        n += 1
+    while kept[n - 1] < len(path) - 1:
+        here, ahead = kept[n - 1], len(path) - 1
+        while ahead > here + 1:
+            if n_checks <= 0:
+                ahead = here + 1
+                break
+            n_checks -= 1
+            if straight_is_free(arm, solids, cells, safety_m, step_m, path[here], path[ahead], rotation, translation):
+                break
+            ahead = here + max(1, (ahead - here) // 2)
+        kept[n] = ahead
+        n += 1
+    return n
