@@ -23,8 +23,8 @@ INTRO = (
     "Clutter: 1 to 8 boxes of 6 to 20 cm about the way, {n} scenes each; start and goal of the set “task”. Narrow passage: the tool "
     "reaches 9 cm deep between two walls that stand 8 to 30 cm apart, {tries} starts each; the gripper is 6 cm wide and 2 cm are kept on "
     "each side. The map alone answers (GNG, Dijkstra, smoothed, by both rules; no fallback), and OMPL's RRTConnect with simplification, "
-    "{limit:g} s at most. A scene that nobody solves may have no solution. The paper's rules count an answer even if it touches: see the "
-    "tables for how often it does."
+    "{limit:g} s at most. A scene that nobody solves may have no solution. An answer by the paper's rules counts even if it touches "
+    "something; Table I says how often that is."
 )
 
 
@@ -114,6 +114,6 @@ def _verdict(tries: Sequence[Try], kind: str, what: str, note: str) -> Verdict:
     faster = bool(times["gng-checked"]) and (not times[PEER] or float(median(times["gng-checked"], 6)) < float(median(times[PEER], 6)))
     as_many = solved["gng-checked"] >= solved[PEER]
     holds: Holds = UNDECIDED if n == 0 else HOLDS if faster and as_many else IN_PART if faster or as_many else NOT
-    word = "Ours is faster but solves fewer: what no neuron covers, the map cannot find; the running stack falls back to RRTConnect there."
+    word = "Ours is faster but solves fewer: what no neuron covers, the map cannot find."
     parts = [word if faster and not as_many else "", note]
     return Verdict(f"The map stands up to RRTConnect in {what}", NOT_AT_HAND, said, holds, " ".join(part for part in parts if part))
