@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from common.errors import RequestError
 from common.robot.model import RobotModel
 from services.planner.core.check import Checker
+from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.growth import Addition
 from services.planner.core.roadmap import Roadmap
 from services.planner.kernels.collision import FREE, Cells
@@ -50,9 +52,9 @@ class LearningRules:
     max_neurons: int
 
 
-def usual_spacing(roadmap: Roadmap) -> float:
-    """Median length in rad of a map's edges; 0 of a map without edges."""
-    return float(np.median(roadmap.adj_length)) if roadmap.n_edges else 0.0
+def usual_spacing(learned: CognitiveMap) -> float:
+    """Median length in rad of a map's edges; infinite of a map without edges: one step a path."""
+    return float(np.median(learned.edge_length_rad)) if len(learned.edges) else np.inf
 
 
 def check_path(q_rad: F64, robot: RobotModel, checker: Checker, empty: Cells) -> F64:
@@ -73,12 +75,12 @@ def check_path(q_rad: F64, robot: RobotModel, checker: Checker, empty: Cells) ->
     index = np.concatenate([[0], 1 + np.flatnonzero(moves)])
     if len(index) < 2:
         raise RequestError(f"q_rad: all {len(q)} samples are the same place", code="no_motion")
-    for a, b in zip(index[:-1], index[1:], strict=True):
+    for a, b in pairwise(index):
         args = (checker.arm, checker.solids, empty, checker.safety_m, checker.step_m, q[a], q[b])
         verdict, what, share = segment_verdict(*args)
         if verdict != FREE:
             raise _in_the_way(int(a), int(b), share, checker.describe(int(verdict), int(what)))
-    return q[index]
+    return np.asarray(q[index])
 
 
 def _in_the_way(a: int, b: int, share: float, what: str) -> RequestError:

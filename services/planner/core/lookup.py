@@ -139,9 +139,7 @@ def owner_dtype(n_owners: int) -> type[np.unsignedinteger[Any]]:
     return np.uint16 if n_owners <= 0xFFFF else np.uint32
 
 
-def _rows(
-    run: RowKernel, items: NDArray[Any], n_cells: int, report: Callable[[int], None], n_threads: int
-) -> tuple[I64, I32]:
+def _rows(run: RowKernel, items: NDArray[Any], n_cells: int, report: Callable[[int], None], n_threads: int) -> tuple[I64, I32]:
     """Owner -> cells of all items: offsets (n + 1,) and flat cells. Chunks are worked on by threads and put together in order."""
     scratches: SimpleQueue[tuple[I64, I32]] = SimpleQueue()
     for _ in range(n_threads):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from types import SimpleNamespace
 
 import numpy as np
@@ -112,13 +113,13 @@ def test_kernels_do_what_their_twin_does(old, new, special, special_is_full):
     old = [[] if cell in special else row for cell, row in enumerate(old)]
     expected = slow_merge(old, new, 5, full=full, left_out=left_out)
     old_offset = np.concatenate([[0], np.cumsum([len(row) for row in old])]).astype(np.int64)
-    old_owner = np.array(sum(old, []), dtype=np.uint16)
+    old_owner = np.array([k for row in old for k in row], dtype=np.uint16)
     row_offset = np.concatenate([[0], np.cumsum([len(row) for row in expected])]).astype(np.int64)
     owner, cursor = np.empty(row_offset[-1], dtype=np.uint16), np.empty(CELLS, dtype=np.int64)
     offset = np.concatenate([[0], np.cumsum([len(row) for row in new])]).astype(np.int64)
-    cells = np.array(sum(new, []), dtype=np.int32)
+    cells = np.array([c for row in new for c in row], dtype=np.int32)
     is_full, is_left_out = (np.array([c in which for c in range(CELLS)], dtype=np.uint8) for which in (full, left_out))
     copy_rows(old_offset, old_owner, is_full, 5, row_offset, owner, cursor)
     append_owners(offset, cells, is_left_out, 5, cursor, owner)
-    assert [owner[a:b].tolist() for a, b in zip(row_offset, row_offset[1:], strict=False)] == expected
+    assert [owner[a:b].tolist() for a, b in pairwise(row_offset)] == expected
     assert cursor.tolist() == row_offset[1:].tolist()
