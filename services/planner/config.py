@@ -60,13 +60,9 @@ class LearningConfig(Strict, frozen=True):
     """What ``planner/learn`` may do to the running map."""
 
     keep: bool = True  # in the cache, beside the map, so that the next start knows it
-    max_added_neurons: Annotated[int, Meta(ge=0, le=200_000)] = (
-        5_000  # in all, earlier starts too; our choice: half of the paper's map
-    )
+    max_added_neurons: Annotated[int, Meta(ge=0, le=200_000)] = 5_000  # in all, earlier starts too; our choice: half of the paper's map
     max_samples: Annotated[int, Meta(ge=2)] = 20_000  # of one path; our choice: 160 s of robot/state
-    reuse_share: Annotated[float, Meta(ge=0, le=1)] = (
-        0.5  # of the map's usual spacing: so near a neuron stands for a point; ours
-    )
+    reuse_share: Annotated[float, Meta(ge=0, le=1)] = 0.5  # of the map's usual spacing: so near a neuron stands for a point; ours
     join_neighbours: Annotated[int, Meta(ge=0, le=50)] = 5  # as map.join_neighbours
     join_max_rad: Positive = 1.0  # as map.bridge_max_rad
     max_waiting: Annotated[int, Meta(ge=1)] = 8  # motions; more are answered "busy"; our choice

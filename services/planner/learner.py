@@ -117,6 +117,7 @@ class Student:
             added_neurons=len(addition.neurons_rad),
             added_edges=len(addition.edges),
             seconds=(monotonic_ns() - began_ns) / 1e9,
+            number=self._n_lessons,
         )
         if addition.is_empty:
             return Learned(lesson, reply, self._n_lessons, self._parts)

@@ -27,7 +27,7 @@ from services.planner.core.lookup import LookupTable, build_table
 from services.planner.core.world import no_cells
 from services.planner.kernels.collision import FREE
 from services.planner.offline import artefact
-from services.planner.offline.motion_store import MotionOrder, make_motions
+from services.planner.offline.motion_store import MotionOrder, make_motions, read_recorded
 from services.planner.offline.motions import Samples, resample
 from services.planner.offline.pruning import prune
 from services.planner.offline.scene import Scene
@@ -68,13 +68,16 @@ class Job:
     cache: Path
 
     @staticmethod
-    def of(cell: CellConfig, config: PlannerConfig, recorded: Sequence[F64] = (), cache: Path | None = None) -> Job:
-        """A job; ``cache`` defaults to the user's.
+    def of(cell: CellConfig, config: PlannerConfig, recorded: Sequence[F64 | Path] = (), cache: Path | None = None) -> Job:
+        """A job; ``cache`` defaults to the user's. Motions (or files of them) in ``recorded`` come after those that the config names.
 
         Raises:
             RobotError: the robot cannot be loaded.
+            ArtefactError, ConfigError: a file of a motion cannot be used.
         """
-        return Job(cell, config, Scene.of(cell, config.margins), tuple(recorded), cache or cache_dir())
+        scene = Scene.of(cell, config.margins)
+        motions = [read_recorded(q, scene.robot) if isinstance(q, Path) else q for q in (*map(Path, config.taught), *recorded)]
+        return Job(cell, config, scene, tuple(motions), cache or cache_dir())
 
     @property
     def motions_fingerprint(self) -> str:

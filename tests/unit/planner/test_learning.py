@@ -127,7 +127,10 @@ def test_the_usual_spacing_is_the_median_edge():
 
 HOME = np.array([0.0, -1.5708, 1.5708, -1.5708, -1.5708, 0.0])
 IN_TABLE = np.array([0.0, 0.6, 0.3, 0.0, 0.0, 0.0])
-FOLDED = HOME + np.array([0.0, 0.0, 1.5, 0.0, 0.0, 0.0])
+
+
+def from_home(*by_rad: float) -> np.ndarray:
+    return HOME + np.pad(np.array(by_rad), (0, 6 - len(by_rad)))
 
 
 def changed(row: int, column: int, value: float) -> np.ndarray:
@@ -149,7 +152,7 @@ def changed(row: int, column: int, value: float) -> np.ndarray:
         (changed(4, 1, 9.0), "out_of_limits", ["q_rad[4]", "shoulder_lift_joint", "9 rad"]),
         (np.array([HOME, HOME + 0.01, IN_TABLE]), "in_collision", ["sample 1 to 2"]),
         (np.array([IN_TABLE, HOME]), "in_collision", ["q_rad[0]", "table"]),
-        (np.array([HOME, HOME + [0, 0, 3.0 - 1.5708, 0, 0, 0]]), "in_collision", ["touch itself"]),
+        (np.array([HOME, from_home(0, 0, 1.43)]), "in_collision", ["touch itself"]),
     ],
 )
 def test_impossible_paths_are_refused_by_place_and_value(bench, q, code, words):
@@ -161,10 +164,10 @@ def test_impossible_paths_are_refused_by_place_and_value(bench, q, code, words):
 
 
 def test_a_jump_is_judged_by_the_straight_way(bench):
-    free = check_path(np.array([HOME, HOME + [1.2, 0, 0, 0, 0, 0]]), bench.robot, bench.checker, no_cells(bench.grid))
+    free = check_path(np.array([HOME, from_home(1.2)]), bench.robot, bench.checker, no_cells(bench.grid))
     assert len(free) == 2
-    through = np.array([HOME + [-1.2, 0.9, 0, 0, 0, 0], HOME + [1.2, 0.9, 0, 0, 0, 0]])  # low over the table, bins between
-    with pytest.raises(RequestError, match="of the way from sample 0 to 1|q_rad\\[0\\]"):
+    through = np.array([from_home(-1.2, 0.9), from_home(1.2, 0.9)])  # low over the table, bins between
+    with pytest.raises(RequestError, match=r"of the way from sample 0 to 1|q_rad\[0\]"):
         check_path(through, bench.robot, bench.checker, no_cells(bench.grid))
 
 

@@ -118,7 +118,7 @@ def test_another_version_is_refused(empty: Journal, monkeypatch: pytest.MonkeyPa
 )
 def test_entries_that_do_not_fit_the_map_are_refused(empty: Journal, addition: Addition) -> None:
     empty.with_entry(1, "", "", addition)
-    with pytest.raises(ArtefactError, match="line 2.*entry 1"):
+    with pytest.raises(ArtefactError, match=r"line 2.*entry 1"):
         read(empty.path)
 
 
