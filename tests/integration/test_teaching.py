@@ -200,7 +200,7 @@ def test_learning_goes_on_while_the_arm_moves(operator: Operator) -> None:
     before = neurons(operator)
     goal_id = operator.send(OVER_PLACE, speed_scale=0.2)
     operator.until(lambda: operator.robot is not None and operator.robot.mode == "tracking", "the arm moves")
-    path = np.linspace(ur3().home_rad, ur3().home_rad + [-1.5, -0.2, -0.4, 0.3, 0.6, 2.0], 200)
+    path = np.linspace(ur3().home_rad, ur3().home_rad + np.array([-1.5, -0.2, -0.4, 0.3, 0.6, 2.0]), 200)
     reply = operator.bus.request("planner/learn", Demonstration(q_rad=path, label="aside"), LearnReply, timeout_s=30.0)
     assert reply.added_neurons > 0 and reply.n_neurons == before + reply.added_neurons
     operator.until(lambda: operator.reached(goal_id), "the goal", 60.0)

@@ -73,7 +73,7 @@ class Job:
 
         Raises:
             RobotError: the robot cannot be loaded.
-            ArtefactError, ConfigError: a file of a motion cannot be used.
+            ConfigError: a file of a motion cannot be used.
         """
         scene = Scene.of(cell, config.margins)
         motions = [read_recorded(q, scene.robot) if isinstance(q, Path) else q for q in (*map(Path, config.taught), *recorded)]

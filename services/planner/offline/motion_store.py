@@ -117,11 +117,13 @@ def read_recorded(path: Path, robot: RobotModel) -> F64:
     vector a line.
 
     Raises:
-        ArtefactError: a taught file that is torn, of another arm, or bad.
-        ConfigError: not readable, wrong width, or not finite; names file and shape.
+        ConfigError: not readable, torn, of another arm, wrong width, not finite ...; names file, place and value.
     """
     if path.suffix == ".json":
-        return read_taught(path, robot).q_rad
+        try:
+            return read_taught(path, robot).q_rad
+        except ArtefactError as error:  # a command line or a config named it
+            raise ConfigError(error.message, code=error.code, facts=error.facts) from None
     n_joints = robot.n_joints
     try:
         is_binary = path.suffix == ".npy"
