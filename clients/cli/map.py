@@ -19,8 +19,8 @@ __all__ = ["add_arguments", "run"]
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Log, or revert."""
     parser.epilog = (
-        "Works on the journal in the cache, without a stack. A planner that runs keeps what it has, learns no more, and takes the "
-        "journal up at its next start. A journal that is torn or of another map is refused by name; revert 0 does away with it."
+        "Works on the journal in the cache, without a stack. A planner that runs keeps what it has after a revert, learns no more, and "
+        "takes the journal up at its next start. A journal that is torn or of another map is refused by name; revert 0 does away with it."
     )
     actions = parser.add_subparsers(dest="action", required=True, metavar="ACTION")
     log = actions.add_parser("log", help="list what was learned: number, when, source, neurons, edges, label")

@@ -10,6 +10,7 @@ import logging
 import queue
 import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Any
 
@@ -18,11 +19,11 @@ from numpy.typing import NDArray
 
 from common.bus.channels import Command
 from common.clock import monotonic_ns, utc_ns
-from common.errors import RequestError, TolmanError
+from common.errors import ArtefactError, RequestError, TolmanError
 from common.wire.messages import LearnReply
 from services.planner.assemble import Parts
 from services.planner.core.find import PathFinder
-from services.planner.core.growth import grown
+from services.planner.core.growth import Addition, grown
 from services.planner.core.learning import LearningRules, check_path, learn, usual_spacing
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.reflex import Reflex
@@ -106,8 +107,7 @@ class Student:
         addition = learn(roadmap, path, self._rules(), lambda a, b: self._checker.segment(self._empty, a, b))
         larger = grown(roadmap, addition, self._ground)
         if not rehearsal and not addition.is_empty:
-            if self._journal is not None:
-                self._journal = self._journal.with_entry(utc_ns(), lesson.label, lesson.source, addition)
+            self._write_down(lesson, addition)
             self._previous = self._parts  # kept until the next lesson: to free a table takes milliseconds, and must not fall to the loop
             self._parts = self._parts.on(larger)
             self._n_lessons += 1
@@ -122,6 +122,14 @@ class Student:
         if addition.is_empty:
             return Learned(lesson, reply, self._n_lessons, self._parts)
         return self._ready(lesson, reply, self._parts.on(larger))
+
+    def _write_down(self, lesson: Lesson, addition: Addition) -> None:
+        if self._journal is None:
+            return
+        try:
+            self._journal = self._journal.with_entry(utc_ns(), lesson.label, lesson.source, addition)
+        except OSError as error:
+            raise ArtefactError(f"{self._journal.path}: cannot be written: {error.strerror}", code="journal_not_written") from None
 
     def _ready(self, lesson: Lesson, reply: LearnReply, parts: Parts) -> Learned:
         """With all that the exchange needs, made here."""
@@ -197,18 +205,14 @@ class Learner:
             return None
 
     def close(self) -> None:
-        """Learn no more."""
-        while not self.offer_end():
-            self._lessons.get_nowait()
+        """Learn no more; who waits gets no answer."""
+        while True:
+            with suppress(queue.Full):
+                self._lessons.put_nowait(None)
+                break
+            with suppress(queue.Empty):
+                self._lessons.get_nowait()
         self._thread.join(timeout=5.0)
-
-    def offer_end(self) -> bool:
-        """Ask the thread to end, if there is room to ask."""
-        try:
-            self._lessons.put_nowait(None)
-        except queue.Full:
-            return False
-        return True
 
     def _run(self) -> None:
         while (lesson := self._lessons.get()) is not None:

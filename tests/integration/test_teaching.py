@@ -40,6 +40,7 @@ from tests.support.operator import OVER_PLACE, Operator
 from tests.support.shipped_map import build_shipped_map
 
 pytestmark = pytest.mark.integration
+HOME = ur3().home_rad.tolist()
 
 
 @pytest.fixture(scope="module")
@@ -115,6 +116,22 @@ def test_guided_recorded_learned_planned_with_remembered(
     assert neurons(operator) == before
 
 
+def test_a_torn_journal_is_named_by_health_and_the_planner_works_without(operator: Operator, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["map", "log"]) == 0
+    journal = Path(capsys.readouterr().out.splitlines()[-1].split(": ")[0])
+    journal.write_bytes(b"torn")
+    _start_the_planner_anew(operator)
+    health = operator.bus.request(keys.health("planner"), Empty(), ServiceHealth)
+    assert not health.ok and any(journal.name in reason for reason in health.reasons)
+    with pytest.raises(RemoteError) as caught:
+        operator.bus.request("planner/learn", Demonstration(q_rad=np.array([HOME, [*HOME[:5], 1.0]])), LearnReply, timeout_s=30.0)
+    assert caught.value.code == "bad_journal"
+    operator.go(OVER_PLACE)
+    assert main(["map", "log"]) == 1 and main(["map", "revert", "0"]) == 0 and not journal.exists()
+    _start_the_planner_anew(operator)
+    assert operator.bus.request(keys.health("planner"), Empty(), ServiceHealth).ok
+
+
 def _start_the_planner_anew(operator: Operator) -> None:
     """Kill it; the supervisor starts another."""
     operator.look()
@@ -158,7 +175,6 @@ def test_guiding_is_refused_while_a_trajectory_runs(operator: Operator) -> None:
     assert caught.value.code == "moving"
 
 
-HOME = ur3().home_rad.tolist()
 BAD_LESSONS = [
     ({"q_rad": [HOME]}, "bad_shape"),
     ({"q_rad": []}, "bad_shape"),
