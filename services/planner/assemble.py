@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from common.cell import CellConfig
 from common.geometry.grid import Grid
@@ -13,6 +13,7 @@ from services.planner.core.arm import arm_of, solids_of
 from services.planner.core.check import Checker, HandReach
 from services.planner.core.find import PathFinder
 from services.planner.core.goals import GoalResolver
+from services.planner.core.growth import Ground
 from services.planner.core.motion import MotionPlanner
 from services.planner.core.reflex import Reflex
 from services.planner.core.roadmap import Roadmap
@@ -48,6 +49,17 @@ class Parts:
             body_names=[body.name for body in self.robot.bodies],
             solid_names=[solid.name for solid in self.cell.static],
         )
+
+    @property
+    def ground(self) -> Ground:
+        """What the rows of the table depend on."""
+        margins = self.config.margins
+        arm = arm_of(self.robot, static_margin_m=margins.static_m, self_margin_m=margins.self_m)
+        return Ground(arm, self.grid, margins.safety_m, margins.step_m)
+
+    def on(self, roadmap: Roadmap) -> Parts:
+        """The same with another roadmap: one that has grown."""
+        return replace(self, roadmap=roadmap)
 
     @property
     def limits(self) -> Limits:

@@ -19,18 +19,33 @@ from common.robot.braking import brake_along
 from common.robot.model import load_robot
 from common.robot.rates import largest_rates
 from common.robot.trajectory import JointTrajectory
-from common.wire.messages import Ack, Clearance, Empty, PlannerStatus, RobotState, Scene, SetObstacle, Trajectory, VoxelFrame
+from common.wire.messages import (
+    Ack,
+    Clearance,
+    Empty,
+    Guide,
+    GuideReply,
+    PlannerStatus,
+    RobotState,
+    Scene,
+    SetObstacle,
+    Trajectory,
+    VoxelFrame,
+)
 from services.robot_sim.adapters.bullet import World
 from services.robot_sim.adapters.bullet_monitor import Monitor
 from services.robot_sim.config import RobotSimConfig
+from services.robot_sim.core.admission import Motion
 from services.robot_sim.core.contacts import Contact
 from services.robot_sim.core.executor import Cause, Executor
+from services.robot_sim.core.guiding import guided_curve
+from services.robot_sim.core.hand import HandPoint
 from services.robot_sim.core.limits import Limits
 from services.robot_sim.core.obstacles import Obstacles, Thing
 from services.robot_sim.core.pacer import Pacer
 from services.robot_sim.core.scripts import Pose
 from services.robot_sim.core.watchdog import Watchdog
-from services.robot_sim.translate import clearance_message, exposure_instant_ns, motion_of, obstacle_message, set_obstacle
+from services.robot_sim.translate import clearance_message, exposure_instant_ns, hand_points, motion_of, obstacle_message, set_obstacle
 
 __all__ = ["RobotSim"]
 
@@ -51,6 +66,7 @@ class RobotSim:
         self._planner_clock, self._cameras_clock = ClockOffset(), ClockOffset()
         self._alive_changes: deque[tuple[str, bool]] = deque()
         self._accepted_ns = 0
+        self._n_guides = 0
         self._world: World | None = None
 
     def warm_up(self) -> None:
@@ -65,6 +81,9 @@ class RobotSim:
         still = JointTrajectory(np.array([0.0, 1.0]), np.stack([robot.home_rad] * 2), np.zeros((2, robot.n_joints)))
         largest_rates(still)  # compiles the kernels that admit and brake, before the first cycle counts
         brake_along(still, robot.max_acceleration_rad_s2)
+        guided_curve(
+            robot, robot.home_rad, [HandPoint(robot.tool_pose(robot.home_rad)[:3, 3].tolist(), None, 0.1, 0.0)], self._config.guide
+        )
         self._executor = Executor(limits, self._config.executor, robot.home_rad, now_ns)
         self._pacer = Pacer(self._config.control_hz, now_ns)
         self._next_scene_ns = now_ns
@@ -80,6 +99,7 @@ class RobotSim:
         self._statuses = bus.latest("planner/status", PlannerStatus)
         self._frames = bus.latest("perception/voxels", VoxelFrame)
         self._obstacle_commands = bus.commands("robot/obstacle", SetObstacle)
+        self._guides = bus.commands("robot/guide", Guide)
         self._plain_commands = {
             noun: (bus.commands(f"robot/{noun}", Empty), action)
             for noun, action in (("stop", self._stop), ("resume", self._resume), ("reset", self._reset), ("clearance", self._clearance))
@@ -220,9 +240,34 @@ class RobotSim:
                 continue
             self._scene_changed = True
             command.reply(Ack())
+        for guide in self._guides.take_all():
+            try:
+                guide.reply(self._release() if guide.request.op == "release" else self._guide(guide.request))
+            except RequestError as error:
+                guide.fail(error)
         for commands, action in self._plain_commands.values():
             for plain in commands.take_all():
                 plain.reply(action())
+
+    def _guide(self, request: Guide) -> GuideReply:
+        """A hand takes the tool: the follower's curve is driven like any other."""
+        self._n_guides += 1
+        guide_id = f"guide-{self._bus.epoch:x}-{self._n_guides}"
+        now_ns = self._pacer.deadline_ns
+        if self._executor.moving:
+            raise RequestError("the arm is moving: it is guided from rest only", code="moving")
+        curve = guided_curve(self._robot, self._executor.reference(now_ns)[0], hand_points(request), self._config.guide)
+        refusal = self._executor.guide(Motion(guide_id, "motion", now_ns, curve.t_s, curve.q_rad, curve.dq_rad_s))
+        if refusal is not None:
+            raise RequestError(f"not guided: {refusal}", code="refused")
+        self._accepted_ns = utc_ns()
+        return GuideReply(guide_id=guide_id, duration_s=curve.duration_s)
+
+    def _release(self) -> GuideReply:
+        guided = self._executor.guided
+        self._executor.release()
+        status = self._executor.status()
+        return GuideReply(guide_id=status.trajectory_id if guided else "", duration_s=status.trajectory_time_s if guided else 0.0)
 
     def _stop(self) -> Ack:
         self._executor.stop("stopped by robot/stop")

@@ -83,6 +83,7 @@ class Reflex:
     def __init__(
         self, planner: MotionPlanner, vision: Vision, limits: Limits, hand: HandReach, config: PlannerConfig, clock_ns: Any, name: str
     ) -> None:
+        self.planner = planner
         self.checker = planner.checker
         self.vision = vision
         self._limits = limits
