@@ -55,7 +55,6 @@ class Learned:
 
     lesson: Lesson
     reply: LearnReply
-    number: int
     parts: Parts
     desk: QuestionDesk | None = None
     finder: PathFinder | None = None
@@ -64,8 +63,8 @@ class Learned:
     @property
     def facts(self) -> dict[str, Any]:
         """For the event ``learned``."""
-        told = ("n_neurons", "n_edges", "added_neurons", "added_edges", "seconds")
-        about = {"number": self.number, "label": self.lesson.label, "source": self.lesson.source}
+        told = ("number", "n_neurons", "n_edges", "added_neurons", "added_edges", "seconds")
+        about = {"label": self.lesson.label, "source": self.lesson.source}
         return {**about, **{name: getattr(self.reply, name) for name in told}}
 
     def adopt(self, reflex: Reflex) -> None:
@@ -80,7 +79,7 @@ class Student:
 
     Args:
         memory: the map to begin with and its journal.
-        reflex: the live planner; of it only the last frame's cells and its checker are taken, to prepare what is exchanged.
+        reflex: the live planner; of it only the live cells and its checker are taken, to prepare what is exchanged.
     """
 
     def __init__(self, memory: Memory, reflex: Reflex) -> None:
@@ -117,10 +116,10 @@ class Student:
             added_neurons=len(addition.neurons_rad),
             added_edges=len(addition.edges),
             seconds=(monotonic_ns() - began_ns) / 1e9,
-            number=self._n_lessons,
+            number=None if addition.is_empty else self._n_lessons,
         )
         if addition.is_empty:
-            return Learned(lesson, reply, self._n_lessons, self._parts)
+            return Learned(lesson, reply, self._parts)
         return self._ready(lesson, reply, self._parts.on(larger))
 
     def _write_down(self, lesson: Lesson, addition: Addition) -> None:
@@ -135,9 +134,9 @@ class Student:
         """With all that the exchange needs, made here."""
         roadmap = parts.roadmap
         counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
-        counts.set_cells(np.setdiff1d(self._reflex.vision.seen, roadmap.table.unavoidable, assume_unique=True))
+        counts.set_cells(self._reflex.vision.counts.cells)
         finder = PathFinder(roadmap, self._reflex.checker)  # the loop's own checker: only the loop will use this finder
-        return Learned(lesson, reply, self._n_lessons, parts, QuestionDesk(parts, monotonic_ns), finder, counts)
+        return Learned(lesson, reply, parts, QuestionDesk(parts, monotonic_ns), finder, counts)
 
     def _checked(self, lesson: Lesson) -> F64:
         most = self._parts.config.learning.max_samples

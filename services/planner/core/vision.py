@@ -29,7 +29,6 @@ class Vision:
         self.counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
         self._unavoidable = roadmap.table.unavoidable
         self._unavoidable_frames = unavoidable_frames
-        self.seen: I32 = np.empty(0, dtype=np.int32)  # the last frame as it came
         self._frames_in_reach = 0
         self._appeared_s = np.full(grid.n_cells, -np.inf)
         self._gone_s = np.full(grid.n_cells, -np.inf)
@@ -39,7 +38,6 @@ class Vision:
 
     def see(self, now_s: float, cells: I32) -> bool:
         """Take a frame's cells (C,) ascending and unique; True if anything changed."""
-        self.seen = cells
         base = np.intersect1d(cells, self._unavoidable, assume_unique=True)
         self._frames_in_reach = self._frames_in_reach + 1 if len(base) else 0
         appeared, gone = self.counts.set_cells(np.setdiff1d(cells, self._unavoidable, assume_unique=True))
@@ -53,12 +51,15 @@ class Vision:
         return changed
 
     def take(self, roadmap: Roadmap, counts: BlockedCounts) -> None:
-        """The map has grown: from now on ``counts`` on ``roadmap``; they are set to the cells of the last frame."""
+        """The map has grown: from now on ``counts`` on ``roadmap``, set to the cells that were live on the old one.
+
+        A cell that the old map could not avoid and the new one can is not among them: with the next frame it appears, and what is under
+        way is looked at again.
+        """
+        counts.set_cells(self.counts.cells)
         self._unavoidable = roadmap.table.unavoidable
-        counts.set_cells(np.setdiff1d(self.seen, self._unavoidable, assume_unique=True))
-        same = np.array_equal(counts.cells, self.counts.cells)
-        self.world = World(self.grid, counts, self.world.cells if same else cells_of(self.grid, counts.cells), self.world.recent)
         self.counts = counts
+        self.world = World(self.grid, counts, self.world.cells, self.world.recent)
 
     def _recent(self, now_s: float) -> I32:
         """Cells (n,) that may belong to something that moves."""
