@@ -86,7 +86,7 @@ class Parts:
     def reflex(self, clock_ns: Callable[[], int], name: str) -> Reflex:
         """The live planner."""
         vision = Vision(self.grid, self.roadmap, unavoidable_frames=self.config.replan.unavoidable_frames)
-        return Reflex(self.motion_planner(), vision, self.limits, self.hand, self.config, clock_ns, name)
+        return Reflex(self.motion_planner(), vision, self.limits, self.config, clock_ns, name)
 
     @property
     def fingerprints(self) -> dict[str, str]:
