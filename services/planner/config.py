@@ -51,7 +51,8 @@ class ReplanConfig(Strict, frozen=True):
     splice_budget_s: Positive = 0.06  # a new motion leaves the running one so much later; measured: p99 of an answer is below
     stop_margin_s: Positive = 0.1  # our choice: the arm stands so long before it would reach the first blocked point
     hand_speed_m_s: Positive = 0.25  # issue: hands move at 0.25 m/s
-    # At the least; slower frames and answers count as they are. A frame of 15 Hz is waited for up to 67 ms, seen and answered in 70 ms (p95).
+    # At the least; slower frames and answers count as they are. A frame of 15 Hz is waited for up to 67 ms, seen and answered
+    # in 70 ms (p95).
     hand_seen_s: Positive = 0.15  # measured
     stale_s: Positive = 0.4  # our choice: six frames of 15 Hz; older eyes plan nothing
     unavoidable_frames: Annotated[int, Meta(ge=1)] = 5  # our choice: evidence for something in cells that no path avoids
