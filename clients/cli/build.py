@@ -23,7 +23,6 @@ from services.planner.offline.build import STAGES, Built, Job, load
 from services.planner.offline.build import Progress as OnProgress
 from services.planner.offline.build import run as build
 from services.planner.offline.growth import parameters_of
-from services.planner.offline.motion_store import read_recorded
 
 __all__ = ["add_arguments", "run"]
 
@@ -41,7 +40,11 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--force", action="store_true", help="make motions, map and table anew, whatever is there")
     parser.add_argument("--json", type=Path, metavar="FILE", help="write the figures of the map there")
     parser.add_argument("--quick", action="store_true", help="a small map in some seconds, for a first look")
-    parser.add_argument("--motions", type=Path, nargs="+", default=[], metavar="FILE", help="recorded paths (.npy, .csv) to learn too")
+    parser.add_argument(
+        "--motions", type=Path, nargs="+", default=[], metavar="FILE", help="motions to train on too: of tolman teach, .npy, .csv"
+    )
+    parser.epilog = """A map made with --motions is another map: a stack takes it when its config names the same files,
+    tolman up --set 'planner.taught=["FILE"]'."""
     add_cell_arguments(parser)
 
 
@@ -49,7 +52,7 @@ def run(args: argparse.Namespace) -> int:
     """0: the map is there."""
     overrides = [*(QUICK if args.quick else []), *args.set]
     shared, config = cell.load(args.config, "planner", PlannerConfig, overrides)
-    job = Job.of(shared, config, [read_recorded(path, len(shared.robot.home_rad)) for path in args.motions])
+    job = Job.of(shared, config, args.motions)
     seconds: dict[str, float] = {}
     built = None if args.force else _kept(job)
     if built is None:

@@ -1,7 +1,7 @@
 """Numba kernels of the arm: forward kinematics of a serial chain, and distance to its bodies by table.
 
 Everything is flat arrays in NamedTuples so that other kernels (planner, self-filter) can call these without Python in between.
-Oracle of the kinematics: pinocchio (``tests/unit/robot``); twins of the rest: ``tests/support/slow_bodies.py``.
+Oracle of the kinematics: pinocchio (``tests/unit/robot``); twins of the rest: ``tests/support/slow_planner.py``.
 """
 
 from __future__ import annotations

@@ -27,6 +27,7 @@ Way = Literal["map", "repair", "fallback"]
 ReplanRule = Literal["none", "blocked", "shorter"]
 Shape = Literal["box", "sphere", "cylinder", "capsule", "mesh"]
 ObstacleOp = Literal["add", "move", "script", "remove", "clear"]
+GuideOp = Literal["start", "release"]
 MapPart = Literal["neurons", "edges", "blocked", "path", "tool_positions"]
 
 
@@ -143,6 +144,20 @@ class Clearance(Message, frozen=True, kw_only=True):
     min_distance_since_reset_m: float | None = None
     min_obstacle_distance_since_reset_m: float | None = None
     tracking_error_max_rad: float = 0.0
+
+
+class Guide(Message, frozen=True, kw_only=True):
+    """A hand takes the tool where it is and drags it from waypoint to waypoint (``start``), or lets go (``release``)."""
+
+    op: GuideOp
+    waypoints: list[Waypoint] = []
+
+
+class GuideReply(Message, frozen=True, kw_only=True):
+    """The hand leads (or let go); ``guide_id`` is what ``robot/state`` shows as ``trajectory_id`` meanwhile, empty if none was led."""
+
+    guide_id: str
+    duration_s: float
 
 
 class DepthImage(State, frozen=True, kw_only=True, eq=False):
@@ -312,6 +327,7 @@ class LearnReply(Message, frozen=True, kw_only=True):
     added_neurons: int
     added_edges: int
     seconds: float
+    number: int | None = None
 
 
 class MapQuery(Message, frozen=True, kw_only=True):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from common.cell import CellConfig
 from common.geometry.grid import Grid
@@ -13,6 +13,7 @@ from services.planner.core.arm import arm_of, solids_of
 from services.planner.core.check import Checker, HandReach
 from services.planner.core.find import PathFinder
 from services.planner.core.goals import GoalResolver
+from services.planner.core.growth import Ground
 from services.planner.core.motion import MotionPlanner
 from services.planner.core.reflex import Reflex
 from services.planner.core.roadmap import Roadmap
@@ -50,6 +51,17 @@ class Parts:
         )
 
     @property
+    def ground(self) -> Ground:
+        """What the rows of the table depend on."""
+        margins = self.config.margins
+        arm = arm_of(self.robot, static_margin_m=margins.static_m, self_margin_m=margins.self_m)
+        return Ground(arm, self.grid, margins.safety_m, margins.step_m)
+
+    def on(self, roadmap: Roadmap) -> Parts:
+        """The same with another roadmap: one that has grown."""
+        return replace(self, roadmap=roadmap)
+
+    @property
     def limits(self) -> Limits:
         """The arm's own limits; stops may use them in full."""
         return Limits(self.robot.max_velocity_rad_s, self.robot.max_acceleration_rad_s2)
@@ -74,7 +86,7 @@ class Parts:
     def reflex(self, clock_ns: Callable[[], int], name: str) -> Reflex:
         """The live planner."""
         vision = Vision(self.grid, self.roadmap, unavoidable_frames=self.config.replan.unavoidable_frames)
-        return Reflex(self.motion_planner(), vision, self.limits, self.hand, self.config, clock_ns, name)
+        return Reflex(self.motion_planner(), vision, self.limits, self.config, clock_ns, name)
 
     @property
     def fingerprints(self) -> dict[str, str]:

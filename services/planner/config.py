@@ -9,7 +9,7 @@ from msgspec import Meta
 from common.config import Strict
 from services.planner.offline.config import ExtendConfig, GammaSomConfig, MapConfig, MotionsConfig, SomConfig
 
-__all__ = ["MarginsConfig", "PlannerConfig", "ReplanConfig", "SmoothingConfig", "SpeedConfig"]
+__all__ = ["LearningConfig", "MarginsConfig", "PlannerConfig", "ReplanConfig", "SmoothingConfig", "SpeedConfig"]
 
 Positive = Annotated[float, Meta(gt=0)]
 Length = Annotated[float, Meta(ge=0, le=0.2)]
@@ -51,9 +51,23 @@ class ReplanConfig(Strict, frozen=True):
     splice_budget_s: Positive = 0.06  # a new motion leaves the running one so much later; measured: p99 of an answer is below
     stop_margin_s: Positive = 0.1  # our choice: the arm stands so long before it would reach the first blocked point
     hand_speed_m_s: Positive = 0.25  # issue: hands move at 0.25 m/s
-    hand_seen_s: Positive = 0.15  # a frame of 15 Hz is waited for up to 67 ms, seen and answered in 70 ms (p95); measured
+    # At the least; slower frames and answers count as they are. A frame of 15 Hz is waited for up to 67 ms, seen and answered
+    # in 70 ms (p95).
+    hand_seen_s: Positive = 0.15  # measured
     stale_s: Positive = 0.4  # our choice: six frames of 15 Hz; older eyes plan nothing
     unavoidable_frames: Annotated[int, Meta(ge=1)] = 5  # our choice: evidence for something in cells that no path avoids
+
+
+class LearningConfig(Strict, frozen=True):
+    """What ``planner/learn`` may do to the running map."""
+
+    keep: bool = True  # in the cache, beside the map, so that the next start knows it
+    max_added_neurons: Annotated[int, Meta(ge=0, le=200_000)] = 5_000  # in all, earlier starts too; our choice: half of the paper's map
+    max_samples: Annotated[int, Meta(ge=2)] = 20_000  # of one path; our choice: 160 s of robot/state
+    reuse_share: Annotated[float, Meta(ge=0, le=1)] = 0.5  # of the map's usual spacing: so near a neuron stands for a point; ours
+    join_neighbours: Annotated[int, Meta(ge=0, le=50)] = 5  # as map.join_neighbours
+    join_max_rad: Positive = 1.0  # as map.bridge_max_rad
+    max_waiting: Annotated[int, Meta(ge=1)] = 8  # motions; more are answered "busy"; our choice
 
 
 class PlannerConfig(Strict, frozen=True):
@@ -68,6 +82,8 @@ class PlannerConfig(Strict, frozen=True):
     smoothing: SmoothingConfig = SmoothingConfig()
     speed: SpeedConfig = SpeedConfig()
     replan: ReplanConfig = ReplanConfig()
+    learning: LearningConfig = LearningConfig()
+    taught: list[str] = []  # files of `tolman teach` that the map is trained on too; absolute, or as seen from where tolman is started
     model: Literal["gng", "som", "gamma_som"] = "gng"  # paper: gng has the shortest paths; parameters in map, som, gamma_som
     rules: Literal["checked", "paper"] = "checked"
     # The paper has Dijkstra and wavefront; A* finds ways of the same cost several times faster.

@@ -6,20 +6,25 @@ A kernel that compiles in the middle of a dodge costs seconds; numba's cache mak
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 
 import numpy as np
 from numpy.typing import NDArray
 
+from common.errors import TolmanError
 from common.geometry.transforms import quaternion_of
 from common.wire.messages import PlanRequest, Pose, SetGoal
 from services.planner.assemble import Parts
-from services.planner.core.lookup import cells_of_pose
+from services.planner.core.growth import Addition, grown
+from services.planner.core.lookup import BlockedCounts, LookupTable, cells_of_pose
 from services.planner.core.motion import Ask, Motion, Stopwatch
 from services.planner.core.timing import brake
 from services.planner.core.world import World, cells_of
+from services.planner.kernels.merging import append_owners, copy_rows
+from services.planner.learner import Lesson, Student
 from services.planner.questions import QuestionDesk
 
-__all__ = ["rehearse"]
+__all__ = ["rehearse", "rehearse_learning"]
 
 F64 = NDArray[np.float64]
 
@@ -58,3 +63,20 @@ def _move(parts: Parts, clock_ns: Callable[[], int], home: F64, far: F64) -> Non
     checker.hand_meets(vision.world.recent, curve, parts.hand)
     planner.answer(World.of(parts.grid, vision.counts), Ask(q, far), watch)
     vision.see(0.1, np.empty(0, dtype=np.int32))
+
+
+def rehearse_learning(student: Student, parts: Parts) -> None:
+    """Learn along an edge that is there and grow by a neuron on it; also with tables of more than 65 535 owners. Nothing is kept."""
+    roadmap = parts.roadmap
+    if roadmap.n_edges:
+        ends = roadmap.edges[0]
+        path = roadmap.neurons_rad[ends]
+        with suppress(TolmanError):
+            student.take_in(Lesson(path), rehearsal=True)
+        n = roadmap.n_neurons
+        grown(roadmap, Addition(path.mean(axis=0)[None], np.array([[ends[0], n], [ends[1], n]], dtype=np.int32)), parts.ground)
+    offset, owner, cell = np.zeros(2, dtype=np.int64), np.empty(0, dtype=np.uint32), np.zeros(1, dtype=np.int32)
+    BlockedCounts(LookupTable(offset, owner, offset, owner, cell[:0]), 1, 1).set_cells(cell)
+    none, cursor = np.zeros(1, dtype=np.uint8), np.zeros(1, dtype=np.int64)
+    copy_rows(offset, owner, none, 1, offset, owner, cursor)
+    append_owners(offset, cell[:0], none, 1, cursor, owner)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import queue
+import sys
 import threading
 from collections.abc import Callable
 from functools import partial
@@ -37,8 +38,10 @@ from services.planner.config import PlannerConfig
 from services.planner.core.reflex import Event, Goal, Reflex
 from services.planner.core.underway import ArmState, Sent
 from services.planner.inspection import map_reply
+from services.planner.learner import Learner, Lesson, Student
+from services.planner.memory import recall
 from services.planner.questions import QuestionDesk, branches_of
-from services.planner.rehearsal import rehearse
+from services.planner.rehearsal import rehearse, rehearse_learning
 
 __all__ = ["Planner"]
 
@@ -48,6 +51,8 @@ STEP_NS = 20_000_000  # our choice: rules that depend on time alone are looked a
 EVENTS_KEPT = 200  # PROTOCOL
 QUESTIONS_WAITING = 16  # our choice; more are answered "busy"
 NS = 1e9
+# How long another thread may keep the interpreter from the loop: Python's 5 ms would be a third of a frame's answer. Our choice.
+SWITCH_S = 0.0005
 
 
 class Planner:
@@ -68,11 +73,18 @@ class Planner:
 
     def warm_up(self) -> None:
         """Load robot and map, compile the kernels in a rehearsal, then open the inboxes."""
-        self._parts = assemble(self._cell, self._config, _log_progress())
+        self._memory = recall(assemble(self._cell, self._config, _log_progress()))
+        if self._memory.complaint:
+            log.error("what was learned is left out: %s", self._memory.complaint)
+        self._parts = self._memory.parts
         self._resolver = self._parts.goal_resolver()
         self._reflex: Reflex = self._parts.reflex(monotonic_ns, f"{self._bus.epoch:x}")
         rehearse(self._parts, monotonic_ns)
+        student = Student(self._memory, self._reflex)
+        rehearse_learning(student, self._parts)
+        sys.setswitchinterval(SWITCH_S)
         self._questions = _Worker(QuestionDesk(self._parts, monotonic_ns), self._vitals)
+        self._learner = Learner(student, self._config.learning.max_waiting, self._bus.wake.set)
         self._open_inboxes()
 
     def _open_inboxes(self) -> None:
@@ -93,9 +105,10 @@ class Planner:
         return self._parts.fingerprints
 
     def close(self) -> None:
-        """End the questions' thread."""
-        if hasattr(self, "_questions"):
-            self._questions.close()
+        """End the threads of questions and lessons."""
+        for name in ("_questions", "_learner"):
+            if hasattr(self, name):
+                getattr(self, name).close()
 
     def step(self, now_ns: int) -> int | None:
         """Listen, let the reflex act, send, answer."""
@@ -108,6 +121,7 @@ class Planner:
         for event in events:
             self._publish_event(event)
         self._answer()
+        self._adopt_learned()
         if self._reflex.report.state != self._last_state or sent:
             self._publish_status(monotonic_ns())
         return now_ns + STEP_NS
@@ -182,7 +196,8 @@ class Planner:
         report, reflex = self._reflex.report, self._reflex
         self._next_status_ns = now_ns + STATUS_NS
         self._last_state = report.state
-        self._vitals.reasons = ["perception uses another grid"] if self._wrong_grid else []
+        complaints = ["perception uses another grid" if self._wrong_grid else "", self._memory.complaint]
+        self._vitals.reasons = [complaint for complaint in complaints if complaint]
         self._vitals.counters["smoothing_fallbacks"] = report.smoothing_fallbacks
         self._statuses.publish(
             PlannerStatus(
@@ -214,10 +229,30 @@ class Planner:
         for query in self._maps.take_all():
             _reply(query, lambda request: map_reply(request, self._parts, self._reflex))
         for lesson in self._learns.take_all():
-            lesson.fail(RequestError("this version does not learn while it runs; use tolman build --motions", code="unsupported"))
+            asked = lesson.request
+            if not self._learner.offer(Lesson(asked.q_rad, asked.t_s, asked.label or "", command=lesson)):
+                lesson.fail(RequestError(f"{self._config.learning.max_waiting} motions wait to be learned already", code="busy"))
         for plan in self._plans.take_all():
             if not self._questions.offer(plan, self._q_now, self._reflex.vision.counts.cells):
                 plan.fail(RequestError(f"{QUESTIONS_WAITING} questions are waiting already", code="busy"))
+
+    def _adopt_learned(self) -> None:
+        """Exchange the map for one that has grown: references only, and a count of the cells that changed while it was prepared."""
+        learned = self._learner.take()
+        if learned is None:
+            return
+        began_ns = monotonic_ns()
+        learned.adopt(self._reflex)
+        self._parts = learned.parts
+        if learned.desk is not None:
+            self._questions.desk = learned.desk
+        now_ns = monotonic_ns()
+        self._vitals.meter("map_swap").tick(now_ns, (now_ns - began_ns) / 1e6)
+        self._vitals.count("learned")
+        self._publish_event(Event("learned", facts=learned.facts))
+        self._publish_status(now_ns)
+        if learned.lesson.command is not None:
+            learned.lesson.command.reply(learned.reply)
 
     def _set_goal(self, request: SetGoal) -> GoalAccepted:
         branches = branches_of(request, self._resolver)
@@ -257,7 +292,7 @@ class _Worker:
     """A thread that answers questions one by one from a bounded queue."""
 
     def __init__(self, desk: QuestionDesk, vitals: Vitals) -> None:
-        self._desk = desk
+        self.desk = desk  # may be exchanged at any time: the next question goes to the new one
         self._vitals = vitals
         self._waiting: queue.Queue[tuple[Command[PlanRequest], Any, Any] | None] = queue.Queue(QUESTIONS_WAITING)
         self._thread = threading.Thread(target=self._run, name="questions", daemon=True)
@@ -281,7 +316,7 @@ class _Worker:
             command, q_now, cells = item
             began_ns = monotonic_ns()
             try:
-                _reply(command, partial(self._desk.answer, q_now=q_now, live_cells=cells))
+                _reply(command, partial(self.desk.answer, q_now=q_now, live_cells=cells))
             except Exception:  # a question may never end the desk
                 log.exception("a question failed")
                 command.fail(RequestError("the planner could not answer this; see its log", code="internal"))

@@ -8,7 +8,7 @@ from msgspec import Meta
 
 from common.config import Strict
 
-__all__ = ["ExecutorConfig", "RobotSimConfig", "WatchdogConfig"]
+__all__ = ["ExecutorConfig", "GuideConfig", "RobotSimConfig", "WatchdogConfig"]
 
 Positive = Annotated[float, Meta(gt=0)]
 Share = Annotated[float, Meta(ge=0, le=0.1)]
@@ -35,6 +35,23 @@ class WatchdogConfig(Strict, frozen=True):
     exposure_timeout_s: Positive = 0.25  # likewise
 
 
+class GuideConfig(Strict, frozen=True):
+    """The hand that guides the arm, and how the arm yields to it."""
+
+    speed_max_m_s: Positive = 0.25  # issue: hands move at 0.25 m/s; also what ISO 10218-1 allows for a guided arm
+    turn_speed_rad_s: Positive = 1.0  # of the hand; our choice
+    duration_max_s: Annotated[float, Meta(gt=0, le=90)] = 60.0  # our choice; with its settling within executor.max_knots
+    pull_per_s: Positive = 4.0  # the tool goes after the hand so fast a metre that it is behind: 6 cm at 0.25 m/s; our choice
+    damping: Positive = 0.02  # of the least squares, in metres and radians: near a singular pose the tool gives way instead; our choice
+    velocity_share: Annotated[float, Meta(gt=0, le=1)] = 0.5  # of the arm's limits; our choice: a person holds it
+    acceleration_share: Annotated[float, Meta(gt=0, le=1)] = 0.5
+    lag_max_m: Positive = 0.15  # a tool farther behind is not in the hand any more; our choice
+    lag_max_rad: Positive = 1.0
+    near_m: Positive = 0.002  # where the hand ends the tool is so near when the arm comes to rest; our choice
+    near_rad: Positive = 0.01
+    settle_s: Positive = 4.0  # time for that; our choice
+
+
 class RobotSimConfig(Strict, frozen=True):
     """Physics, executor, watchdog and manners of the simulated cell."""
 
@@ -44,6 +61,7 @@ class RobotSimConfig(Strict, frozen=True):
     clearance_hz: Positive = 25.0  # our choice: at 0.25 m/s a hand moves 1 cm between two looks
     clearance_reach_m: Positive = 0.3  # our choice: farther things are not looked at but on robot/clearance
     politeness_gap_m: Annotated[float, Meta(ge=0)] = 0.03  # design: hands wait 3 cm from an arm that stands
+    reaction_s: Annotated[float, Meta(ge=0)] = 0.2  # ... and go on when they saw it move: simple reaction to something seen (Welford 1980)
     standing_rad_s: Positive = 0.02  # protocol: terms
     contact_gap_s: Positive = 0.5  # protocol: terms
     caused_speed_m_s: Positive = 0.01  # protocol: terms
@@ -52,3 +70,4 @@ class RobotSimConfig(Strict, frozen=True):
     watchdog: bool = True  # off only where robot_sim runs alone (tests)
     executor: ExecutorConfig = ExecutorConfig()
     watchdog_limits: WatchdogConfig = WatchdogConfig()
+    guide: GuideConfig = GuideConfig()

@@ -19,18 +19,34 @@ from common.robot.braking import brake_along
 from common.robot.model import load_robot
 from common.robot.rates import largest_rates
 from common.robot.trajectory import JointTrajectory
-from common.wire.messages import Ack, Clearance, Empty, PlannerStatus, RobotState, Scene, SetObstacle, Trajectory, VoxelFrame
+from common.wire.messages import (
+    Ack,
+    Clearance,
+    Empty,
+    Guide,
+    GuideReply,
+    PlannerStatus,
+    RobotState,
+    Scene,
+    SetObstacle,
+    Trajectory,
+    VoxelFrame,
+)
 from services.robot_sim.adapters.bullet import World
 from services.robot_sim.adapters.bullet_monitor import Monitor
 from services.robot_sim.config import RobotSimConfig
+from services.robot_sim.core.admission import Motion
 from services.robot_sim.core.contacts import Contact
 from services.robot_sim.core.executor import Cause, Executor
+from services.robot_sim.core.guiding import guided_curve
+from services.robot_sim.core.hand import HandPoint
 from services.robot_sim.core.limits import Limits
+from services.robot_sim.core.manners import Bystander
 from services.robot_sim.core.obstacles import Obstacles, Thing
 from services.robot_sim.core.pacer import Pacer
 from services.robot_sim.core.scripts import Pose
 from services.robot_sim.core.watchdog import Watchdog
-from services.robot_sim.translate import clearance_message, exposure_instant_ns, motion_of, obstacle_message, set_obstacle
+from services.robot_sim.translate import clearance_message, exposure_instant_ns, hand_points, motion_of, obstacle_message, set_obstacle
 
 __all__ = ["RobotSim"]
 
@@ -51,6 +67,7 @@ class RobotSim:
         self._planner_clock, self._cameras_clock = ClockOffset(), ClockOffset()
         self._alive_changes: deque[tuple[str, bool]] = deque()
         self._accepted_ns = 0
+        self._n_guides = 0
         self._world: World | None = None
 
     def warm_up(self) -> None:
@@ -65,11 +82,14 @@ class RobotSim:
         still = JointTrajectory(np.array([0.0, 1.0]), np.stack([robot.home_rad] * 2), np.zeros((2, robot.n_joints)))
         largest_rates(still)  # compiles the kernels that admit and brake, before the first cycle counts
         brake_along(still, robot.max_acceleration_rad_s2)
+        guided_curve(
+            robot, robot.home_rad, [HandPoint(robot.tool_pose(robot.home_rad)[:3, 3].tolist(), None, 0.1, 0.0)], self._config.guide
+        )
         self._executor = Executor(limits, self._config.executor, robot.home_rad, now_ns)
         self._pacer = Pacer(self._config.control_hz, now_ns)
         self._next_scene_ns = now_ns
         self._scene_changed = True
-        self._standing = True
+        self._bystander = Bystander(self._config.standing_rad_s, self._config.reaction_s)
         self._open_inboxes()
 
     def _open_inboxes(self) -> None:
@@ -80,6 +100,7 @@ class RobotSim:
         self._statuses = bus.latest("planner/status", PlannerStatus)
         self._frames = bus.latest("perception/voxels", VoxelFrame)
         self._obstacle_commands = bus.commands("robot/obstacle", SetObstacle)
+        self._guides = bus.commands("robot/guide", Guide)
         self._plain_commands = {
             noun: (bus.commands(f"robot/{noun}", Empty), action)
             for noun, action in (("stop", self._stop), ("resume", self._resume), ("reset", self._reset), ("clearance", self._clearance))
@@ -147,10 +168,10 @@ class RobotSim:
         began_ns = monotonic_ns()
         before = self._executor.status().mode
         self._executor.tick(at_ns, lost)
-        self._move_obstacles()
+        self._move_obstacles(at_ns)
         q_reference, dq_reference = self._drive(at_ns)
         q, dq = self._world.joints()
-        self._standing = bool(np.abs(dq).max() < self._config.standing_rad_s)
+        self._bystander.look(at_ns, dq)
         for contact in self._monitor.after_cycle(at_ns, q, q_reference, dq_reference):
             self._tell_contact(contact)
         error = float(np.abs(q - q_reference).max())
@@ -174,10 +195,11 @@ class RobotSim:
             self._world.step(q_from, q_to)
         return references[-1]
 
-    def _move_obstacles(self) -> None:
+    def _move_obstacles(self, at_ns: int) -> None:
         assert self._world is not None
         dt_s = self._pacer.period_ns / 1e9
-        for thing in self._obstacles.step(dt_s, self._gap_m if self._standing else None, self._config.politeness_gap_m):
+        gap_m = self._gap_m if self._bystander.sees_it_stand(at_ns) else None
+        for thing in self._obstacles.step(dt_s, gap_m, self._config.politeness_gap_m):
             self._world.place(thing.id, thing.pose)
 
     def _gap_m(self, thing: Thing, pose: Pose) -> float:
@@ -220,9 +242,34 @@ class RobotSim:
                 continue
             self._scene_changed = True
             command.reply(Ack())
+        for guide in self._guides.take_all():
+            try:
+                guide.reply(self._release() if guide.request.op == "release" else self._guide(guide.request))
+            except RequestError as error:
+                guide.fail(error)
         for commands, action in self._plain_commands.values():
             for plain in commands.take_all():
                 plain.reply(action())
+
+    def _guide(self, request: Guide) -> GuideReply:
+        """A hand takes the tool: the follower's curve is driven like any other."""
+        self._n_guides += 1
+        guide_id = f"guide-{self._bus.epoch:x}-{self._n_guides}"
+        now_ns = self._pacer.deadline_ns
+        if self._executor.moving:
+            raise RequestError("the arm is moving: it is guided from rest only", code="moving")
+        curve = guided_curve(self._robot, self._executor.reference(now_ns)[0], hand_points(request), self._config.guide)
+        refusal = self._executor.guide(Motion(guide_id, "motion", now_ns, curve.t_s, curve.q_rad, curve.dq_rad_s))
+        if refusal is not None:
+            raise RequestError(f"not guided: {refusal}", code="refused")
+        self._accepted_ns = utc_ns()
+        return GuideReply(guide_id=guide_id, duration_s=curve.duration_s)
+
+    def _release(self) -> GuideReply:
+        guided = self._executor.guided
+        self._executor.release()
+        status = self._executor.status()
+        return GuideReply(guide_id=status.trajectory_id if guided else "", duration_s=status.trajectory_time_s if guided else 0.0)
 
     def _stop(self) -> Ack:
         self._executor.stop("stopped by robot/stop")

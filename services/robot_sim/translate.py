@@ -6,13 +6,14 @@ import math
 
 from common.clock import ClockOffset
 from common.errors import RequestError
-from common.wire.messages import Clearance, Obstacle, SetObstacle, Trajectory, VoxelFrame
+from common.wire.messages import Clearance, Guide, Obstacle, SetObstacle, Trajectory, VoxelFrame
 from services.robot_sim.adapters.bullet import World
 from services.robot_sim.adapters.bullet_monitor import Monitor
 from services.robot_sim.core.admission import Motion
+from services.robot_sim.core.hand import HandPoint
 from services.robot_sim.core.obstacles import Obstacles, Thing, Waypoint, pose_of
 
-__all__ = ["clearance_message", "exposure_instant_ns", "motion_of", "obstacle_message", "set_obstacle"]
+__all__ = ["clearance_message", "exposure_instant_ns", "hand_points", "motion_of", "obstacle_message", "set_obstacle"]
 
 
 def motion_of(message: Trajectory, planner_clock: ClockOffset, arrival_ns: int) -> Motion:
@@ -101,6 +102,11 @@ def _move(request: SetObstacle, obstacles: Obstacles, world: World) -> None:
 
 def _waypoints(request: SetObstacle) -> list[Waypoint]:
     return [Waypoint(w.position_m, w.quaternion_xyzw, w.speed_m_s, w.rest_s) for w in request.script or []]
+
+
+def hand_points(request: Guide) -> list[HandPoint]:
+    """The waypoints of a guiding hand."""
+    return [HandPoint(w.position_m, w.quaternion_xyzw, w.speed_m_s, w.rest_s) for w in request.waypoints]
 
 
 def clearance_message(monitor: Monitor) -> Clearance:

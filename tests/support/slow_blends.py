@@ -19,7 +19,7 @@ def reach_of_corners(path: F64, share: float, is_free: Callable[[F64], bool]) ->
         before = lengths[k - 1] * (0.95 if k == 1 else 0.5)
         after = lengths[k] * (0.95 if k == len(path) - 2 else 0.5)
         for wanted in share * min(before, after) * 0.5 ** np.arange(6):
-            if wanted < 0.01:
+            if wanted < 1e-4:
                 break
             a = path[k] + (path[k - 1] - path[k]) * wanted / lengths[k - 1]
             b = path[k] + (path[k + 1] - path[k]) * wanted / lengths[k]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.planner.config import PlannerConfig
+from services.planner.core.check import HandReach
 from services.planner.core.found import NotFound
 from services.planner.core.motion import ROUTES, Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.world import World
@@ -37,10 +38,15 @@ class Asker:
     @property
     def budget_s(self) -> float:
         """How much later than now a new motion may take over: what answers took lately, with room, and never less than configured."""
-        return min(max(self._config.replan.splice_budget_s, BUDGET_ROOM * max(self._recent_answers_s, default=0.0)), BUDGET_MAX_S)
+        return min(max(self._config.replan.splice_budget_s, BUDGET_ROOM * self.longest_s), BUDGET_MAX_S)
+
+    @property
+    def longest_s(self) -> float:
+        """The longest of the last answers; zero before the first."""
+        return max(self._recent_answers_s, default=0.0)
 
     def ask(
-        self, world: World, branches_rad: F64, q: F64, dq: F64 | None, n_branches: int, speed_scale: float
+        self, world: World, branches_rad: F64, q: F64, dq: F64 | None, n_branches: int, speed_scale: float, hand: HandReach
     ) -> tuple[Motion | NotFound, F64, dict[str, float]]:
         """The first of some goal branches that has an answer; the first one's refusal if none has.
 
@@ -52,6 +58,7 @@ class Asker:
             q, dq: (J,) where the motion begins, and its velocity there (None: at rest).
             n_branches: how many to try.
             speed_scale: of the goal.
+            hand: what to expect of things that move.
 
         Returns:
             The answer, (J,) the branch that it is for, and milliseconds by stage.
@@ -64,7 +71,7 @@ class Asker:
         config = self._config
         routes = ROUTES if dq is None else MOVING_ROUTES
         for q_goal in near_first[:n_branches]:
-            ask = Ask(q, q_goal, dq, config.rules, config.search, config.smoothing.smooth, speed_scale, routes)
+            ask = Ask(q, q_goal, dq, config.rules, config.search, config.smoothing.smooth, speed_scale, routes, hand)
             answer = self._planner.answer(world, ask, watch)
             if isinstance(answer, Motion):
                 break

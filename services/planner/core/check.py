@@ -33,11 +33,13 @@ class HandReach:
         speed_m_s: of the hand.
         latency_s: from its motion to the arm's first braking: the wait for the next frame, and what seeing and answering take.
         acceleration_rad_s2: (J,) with which the arm brakes.
+        since_seen_s: from the exposure that shows it to the beginning of the curve that is looked at.
     """
 
     speed_m_s: float
     latency_s: float
     acceleration_rad_s2: F64
+    since_seen_s: float = 0.0
 
     def horizon_s(self, curve: JointTrajectory, from_s: float) -> float:
         """Time in which the arm, on ``curve`` at ``from_s``, would stand if it had to."""
@@ -127,13 +129,13 @@ class Checker:
     ) -> float | None:
         """First time at which something that moves could come within ``safety_m`` before the arm can stand; None if nothing could.
 
-        What was seen just now may be ``speed`` times t nearer after a time t. Beyond the horizon there is time to see it and to stop, so
-        only the near part of the curve is looked at, in windows of growing room.
+        What was seen at an exposure may be ``speed`` times t nearer a time t after it. Beyond the horizon there is time to see it and to
+        stop, so only the near part of the curve is looked at, in windows of growing room.
         """
         horizon = reach.horizon_s(curve, from_s)
         window = horizon / HAND_WINDOWS
         for k in range(HAND_WINDOWS):
-            begin, room_m = from_s + k * window, reach.speed_m_s * (k + 1) * window
+            begin, room_m = from_s + k * window, reach.speed_m_s * (reach.since_seen_s + (k + 1) * window)
             met = self.curve_meets(recent, curve, from_s=begin, to_s=begin + window, room_m=room_m, safety_m=safety_m)
             if met is not None:
                 return met

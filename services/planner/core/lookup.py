@@ -19,7 +19,7 @@ from common.geometry.grid import Grid
 from services.planner.kernels.collision import Arm
 from services.planner.kernels.lookup import change_counts, count_rows, edge_extra_cells, fill_rows, node_cells
 
-__all__ = ["BlockedCounts", "LookupTable", "build_table", "cells_of_pose"]
+__all__ = ["BlockedCounts", "LookupTable", "Swept", "build_table", "cells_of_pose", "owner_dtype", "sweep"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -63,6 +63,52 @@ class LookupTable:
         return self.edge_owner[self.edge_offset[cell] : self.edge_offset[cell + 1]]
 
 
+@dataclass(frozen=True, eq=False)
+class Swept:
+    """Which cells each neuron and each edge sweeps: rows of cells by owner, the table the other way round.
+
+    Attributes:
+        node_offset, node_cell: cells of neuron k are ``node_cell[node_offset[k]:node_offset[k + 1]]``, ascending; int64, int32.
+        edge_offset, edge_cell: the same for edges, without the cells of their two ends.
+    """
+
+    node_offset: I64
+    node_cell: I32
+    edge_offset: I64
+    edge_cell: I32
+
+
+def sweep(
+    arm: Arm,
+    grid: Grid,
+    neurons_rad: F64,
+    edges: I32,
+    *,
+    safety_m: float,
+    step_m: float,
+    progress: Progress | None = None,
+    n_threads: int = N_THREADS,
+) -> Swept:
+    """The cells of neurons (N, J) and of the edges (M, 2) between them; arguments as for :func:`build_table`."""
+    total = len(neurons_rad) + len(edges)
+    geometry = (np.asarray(grid.origin_m), np.asarray(grid.shape, dtype=np.int64), grid.resolution_m, safety_m)
+
+    def run_nodes(part: NDArray[Any], first: int, stamp: I64, out: I32, offset: I64) -> int:
+        return int(node_cells(arm, *geometry, part, first, stamp, out, offset))
+
+    def report(done: int) -> None:
+        if progress is not None:
+            progress(done, total)
+
+    node_offset, node_cell = _rows(run_nodes, neurons_rad, grid.n_cells, report, n_threads)
+
+    def run_edges(part: NDArray[Any], first: int, stamp: I64, out: I32, offset: I64) -> int:
+        return int(edge_extra_cells(arm, *geometry, step_m, neurons_rad, part, node_offset, node_cell, first, stamp, out, offset))
+
+    edge_offset, edge_cell = _rows(run_edges, edges, grid.n_cells, lambda done: report(len(neurons_rad) + done), n_threads)
+    return Swept(node_offset, node_cell, edge_offset, edge_cell)
+
+
 def build_table(
     arm: Arm, grid: Grid, neurons_rad: F64, edges: I32, *, safety_m: float, step_m: float, progress: Progress | None = None
 ) -> LookupTable:
@@ -77,36 +123,26 @@ def build_table(
         step_m: farthest that any point of the arm moves between two samples of an edge.
         progress: called with (done, total) now and then.
     """
-    total = len(neurons_rad) + len(edges)
-    geometry = (np.asarray(grid.origin_m), np.asarray(grid.shape, dtype=np.int64), grid.resolution_m, safety_m)
-
-    def run_nodes(part: NDArray[Any], first: int, stamp: I64, out: I32, offset: I64) -> int:
-        return int(node_cells(arm, *geometry, part, first, stamp, out, offset))
-
-    def report(done: int) -> None:
-        if progress is not None:
-            progress(done, total)
-
-    node_offset, node_cell = _rows(run_nodes, neurons_rad, grid.n_cells, report)
-
-    def run_edges(part: NDArray[Any], first: int, stamp: I64, out: I32, offset: I64) -> int:
-        return int(edge_extra_cells(arm, *geometry, step_m, neurons_rad, part, node_offset, node_cell, first, stamp, out, offset))
-
-    edge_offset, edge_cell = _rows(run_edges, edges, grid.n_cells, lambda done: report(len(neurons_rad) + done))
+    swept = sweep(arm, grid, neurons_rad, edges, safety_m=safety_m, step_m=step_m, progress=progress)
     counts = np.zeros(grid.n_cells, dtype=np.int64)
-    count_rows(node_cell, counts)
+    count_rows(swept.node_cell, counts)
     unavoidable = np.flatnonzero(counts == len(neurons_rad)).astype(np.int32) if len(neurons_rad) else np.empty(0, dtype=np.int32)
     return LookupTable(
-        *_transpose(node_offset, node_cell, grid.n_cells, unavoidable),
-        *_transpose(edge_offset, edge_cell, grid.n_cells, unavoidable),
+        *_transpose(swept.node_offset, swept.node_cell, grid.n_cells, unavoidable),
+        *_transpose(swept.edge_offset, swept.edge_cell, grid.n_cells, unavoidable),
         unavoidable=unavoidable,
     )
 
 
-def _rows(run: RowKernel, items: NDArray[Any], n_cells: int, report: Callable[[int], None]) -> tuple[I64, I32]:
+def owner_dtype(n_owners: int) -> type[np.unsignedinteger[Any]]:
+    """The narrowest dtype that numbers ``n_owners`` neurons or edges in a table."""
+    return np.uint16 if n_owners <= 0xFFFF else np.uint32
+
+
+def _rows(run: RowKernel, items: NDArray[Any], n_cells: int, report: Callable[[int], None], n_threads: int) -> tuple[I64, I32]:
     """Owner -> cells of all items: offsets (n + 1,) and flat cells. Chunks are worked on by threads and put together in order."""
     scratches: SimpleQueue[tuple[I64, I32]] = SimpleQueue()
-    for _ in range(N_THREADS):
+    for _ in range(n_threads):
         scratches.put((np.full(n_cells, -1, dtype=np.int64), np.empty(CHUNK * MAX_CELLS_A_POSE, dtype=np.int32)))
 
     def work(first: int) -> list[tuple[I64, I32]]:
@@ -117,7 +153,7 @@ def _rows(run: RowKernel, items: NDArray[Any], n_cells: int, report: Callable[[i
         return rows
 
     lengths, cells = [np.zeros(1, dtype=np.int64)], [np.empty(0, dtype=np.int32)]
-    executor = ThreadPoolExecutor(N_THREADS)
+    executor = ThreadPoolExecutor(n_threads)
     try:
         for k, rows in enumerate(executor.map(work, range(0, len(items), CHUNK))):
             lengths += [row_lengths for row_lengths, _ in rows]
@@ -145,7 +181,7 @@ def _transpose(offset: I64, cells: I32, n_cells: int, without: I32) -> tuple[I64
     counts = np.zeros(n_cells, dtype=np.int64)
     count_rows(cells, counts)
     row_offset = np.concatenate([[0], np.cumsum(counts)])
-    owner = np.empty(len(cells), dtype=np.uint16 if len(offset) - 1 <= 0xFFFF else np.uint32)
+    owner = np.empty(len(cells), dtype=owner_dtype(len(offset) - 1))
     fill_rows(offset, cells, 0, row_offset[:-1].copy(), owner)
     if len(without) == 0:
         return row_offset, owner

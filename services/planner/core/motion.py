@@ -42,6 +42,7 @@ class Ask:
         smooth: False drives the raw path with a stop at each corner.
         speed_scale: factor on the planned speed, 0..1.
         routes: paths that are tried until one stands the exact look.
+        hand: what to expect of things that move; None: what the planner was made with.
     """
 
     q_start: F64
@@ -52,6 +53,7 @@ class Ask:
     smooth: bool = True
     speed_scale: float = 1.0
     routes: int = ROUTES
+    hand: HandReach | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,7 +104,7 @@ class MotionPlanner:
         self._joint_range = joint_range
         self.checker = finder.checker
         self._limits = limits
-        self._hand = hand
+        self.hand = hand
         self._shortcut_checks = shortcut_checks
 
     def answer(self, world: World, ask: Ask, watch: Stopwatch) -> Motion | NotFound:
@@ -179,7 +181,7 @@ class MotionPlanner:
         watch.add("smooth", began)
         if ask.smooth:
             smoothing = self._smoothed_by_the_paper if ask.rules == "paper" else self._rounded
-            smooth = smoothing(world, found, path, velocity, limits, watch)
+            smooth = smoothing(world, ask, found, path, velocity, limits, watch)
             if smooth is not None:
                 return smooth
         return self._stop_at_corners(world, ask, found, path, velocity, limits, watch)
@@ -197,14 +199,16 @@ class MotionPlanner:
             if polyline is None:
                 return NotFound("no_path", "the arm is too fast to leave its way here")
             timed, corner_s = polyline
-            blocked_s = None if ask.rules == "paper" else self._blocked_at(world, found, timed)
+            blocked_s = None if ask.rules == "paper" else self._blocked_at(world, ask, found, timed)
             watch.add("verify", began)
             if blocked_s is None:
                 return Motion(timed, found, "stop at each corner", _length(timed), ask.smooth)
             piece = int(np.searchsorted(corner_s, blocked_s, side="right")) - 1
         return _Blocked(piece if velocity is None else piece - 1)
 
-    def _rounded(self, world: World, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch) -> Motion | None:
+    def _rounded(
+        self, world: World, ask: Ask, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch
+    ) -> Motion | None:
         """The path with its corners rounded, as far as they are free; a corner that cannot be rounded is stopped at."""
         cells = world.cells if found.leaving is None else found.leaving.rest.cells
         for share in BLEND_SHARES if len(path) > 2 else ():
@@ -215,7 +219,7 @@ class MotionPlanner:
             began = watch.add("time", began)
             if timed is None:
                 continue
-            blocked_s = self._blocked_at(world, found, timed)
+            blocked_s = self._blocked_at(world, ask, found, timed)
             watch.add("verify", began)
             if blocked_s is None:
                 n_stops = int(np.count_nonzero(reach[1:-1] == 0.0))
@@ -223,7 +227,7 @@ class MotionPlanner:
         return None
 
     def _smoothed_by_the_paper(
-        self, world: World, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch
+        self, world: World, ask: Ask, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch
     ) -> Motion | None:
         """The smoothest NURBS whose best matches are free (section IV)."""
         for curve in candidates(path, lead_in=velocity is not None):
@@ -237,10 +241,10 @@ class MotionPlanner:
                 return Motion(timed, found, curve.name, _length(timed), False)
         return None
 
-    def _blocked_at(self, world: World, found: FoundPath, timed: JointTrajectory) -> float | None:
+    def _blocked_at(self, world: World, ask: Ask, found: FoundPath, timed: JointTrajectory) -> float | None:
         """Time of the first point of the timed curve that must not be driven; None if it is free."""
         leaving = found.leaving
-        met = self.checker.hand_meets(world.recent, timed, self._hand, safety_m=None if leaving is None else TOUCH_M)
+        met = self.checker.hand_meets(world.recent, timed, ask.hand or self.hand, safety_m=None if leaving is None else TOUCH_M)
         if met is not None:
             return met
         verdict, _, at_s = self.checker.curve((world if leaving is None else leaving.rest).cells, timed)

@@ -6,7 +6,7 @@ instants gets the same bytes out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from services.planner.core.check import HandReach
 from services.planner.core.found import NotFound
 from services.planner.core.motion import Motion, MotionPlanner
 from services.planner.core.replan import Action, ReplanRules, ShorterWay, View
+from services.planner.core.seeing_lag import SeeingLag
 from services.planner.core.timing import Limits, brake
 from services.planner.core.underway import ArmState, Sent, Underway
 from services.planner.core.vision import Vision
@@ -74,15 +75,13 @@ class Reflex:
         planner: answers questions.
         vision: the live cells.
         limits: for stops.
-        hand: what is expected of things that move.
         config: rules and times.
         clock_ns: for timings alone.
         name: prefix of trajectory ids, unique per start of the process.
     """
 
-    def __init__(
-        self, planner: MotionPlanner, vision: Vision, limits: Limits, hand: HandReach, config: PlannerConfig, clock_ns: Any, name: str
-    ) -> None:
+    def __init__(self, planner: MotionPlanner, vision: Vision, limits: Limits, config: PlannerConfig, clock_ns: Any, name: str) -> None:
+        self.planner = planner
         self.checker = planner.checker
         self.vision = vision
         self._limits = limits
@@ -102,9 +101,10 @@ class Reflex:
         self._frame_utc_ns = 0
         self._voxels_seq = 0
         self._cells_changed = False
-        self._watch = Watch(self.checker, hand, config.rules)
+        self._watch = Watch(self.checker, config.rules)
         self._n_sent = 0
         self._asker = Asker(planner, config, clock_ns)
+        self._lag = SeeingLag()
         self._step_began_ns = 0
         self._events: list[Event] = []
         self._outbox: list[Sent] = []
@@ -143,6 +143,7 @@ class Reflex:
         began = self._clock_ns()
         self._seen_s = exposure_s
         self._voxels_seq = seq
+        self._lag.hear(now_s, exposure_s)
         self._cells_changed |= self.vision.see(now_s, cells)
         self._frame_utc_ns = published_utc_ns
         self.report.timing_ms["update"] = (self._clock_ns() - began) / 1e6
@@ -167,7 +168,7 @@ class Reflex:
     def _act(self, now_s: float, arm: ArmState) -> None:
         if self.underway.sent is not None:
             from_s = max(0.0, self.underway.time_s(arm, now_s))
-            self._watch.look(self.underway.sent, from_s, self.vision, changed=self._cells_changed)
+            self._watch.look(self.underway.sent, from_s, self.vision, self._hand(now_s), changed=self._cells_changed)
         view = self._view(now_s, arm)
         action = self._rules.decide(view)
         if action is Action.PLAN:
@@ -205,6 +206,12 @@ class Reflex:
             faulted=arm.mode == "fault",
         )
 
+    def _hand(self, begins_s: float) -> HandReach:
+        """What something that moves may have done until ``begins_s`` and may do after; slower eyes and answers mean more of it."""
+        usual = self.planner.hand
+        latency_s = max(usual.latency_s, self._lag.longest_s + self._asker.longest_s)
+        return replace(usual, latency_s=latency_s, since_seen_s=max(0.0, begins_s - self._seen_s))
+
     def _braking_s(self, arm: ArmState) -> float:
         """Time in which the arm could stand, joint by joint v / a; along a path it may take a little longer."""
         return float(np.max(np.abs(arm.dq_reference_rad_s) / self._limits.acceleration))
@@ -212,7 +219,7 @@ class Reflex:
     # --- actions ---
 
     def _plan_from_rest(self, now_s: float, arm: ArmState) -> None:
-        answer, q_goal = self._ask(arm.q_reference_rad, None, BRANCHES_A_STEP)
+        answer, q_goal = self._ask(now_s, arm.q_reference_rad, None, BRANCHES_A_STEP)
         if isinstance(answer, NotFound):
             self._no_way(answer)
             return
@@ -225,7 +232,7 @@ class Reflex:
         if splice is None:
             return False
         at_s, q, dq = splice
-        answer, q_goal = self._ask(q, dq, BRANCHES_A_STEP)
+        answer, q_goal = self._ask(now_s, q, dq, BRANCHES_A_STEP)
         if isinstance(answer, NotFound):
             self._no_way(answer)
             return False
@@ -245,7 +252,7 @@ class Reflex:
         if splice is None or self.underway.sent is None:
             return
         at_s, q, dq = splice
-        answer, q_goal = self._ask(q, dq, 1)
+        answer, q_goal = self._ask(now_s, q, dq, 1)
         if isinstance(answer, NotFound):
             self._shorter.forget()
             return
@@ -267,9 +274,10 @@ class Reflex:
     def _time_s(self, arm: ArmState, now_s: float) -> float:
         return self.underway.time_s(arm, now_s)
 
-    def _ask(self, q: F64, dq: F64 | None, branches: int) -> tuple[Motion | NotFound, F64]:
-        assert self.goal is not None
-        answer, q_goal, timing_ms = self._asker.ask(self.vision.world, self.goal.branches_rad, q, dq, branches, self.goal.speed_scale)
+    def _ask(self, now_s: float, q: F64, dq: F64 | None, branches: int) -> tuple[Motion | NotFound, F64]:
+        goal, hand = self.goal, self._hand(now_s + self._asker.budget_s)
+        assert goal is not None
+        answer, q_goal, timing_ms = self._asker.ask(self.vision.world, goal.branches_rad, q, dq, branches, goal.speed_scale, hand)
         self.report.timing_ms = {"update": self.report.timing_ms.get("update", 0.0), **timing_ms}
         return answer, q_goal
 

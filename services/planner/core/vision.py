@@ -50,6 +50,17 @@ class Vision:
             self.world = World.of(self.grid, self.counts, recent)
         return changed
 
+    def take(self, roadmap: Roadmap, counts: BlockedCounts) -> None:
+        """The map has grown: from now on ``counts`` on ``roadmap``, set to the cells that were live on the old one.
+
+        A cell that the old map could not avoid and the new one can is not among them: with the next frame it appears, and what is under
+        way is looked at again.
+        """
+        counts.set_cells(self.counts.cells)
+        self._unavoidable = roadmap.table.unavoidable
+        self.counts = counts
+        self.world = World(self.grid, counts, self.world.cells, self.world.recent)
+
     def _recent(self, now_s: float) -> I32:
         """Cells (n,) that may belong to something that moves."""
         live = self.counts.cells

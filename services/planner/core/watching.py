@@ -18,9 +18,8 @@ LOOKS_OUT = 60  # poses of a way out that are looked at again; our choice
 class Watch:
     """Knows at which times of what is under way something is in the way, or a hand could be before the arm stands."""
 
-    def __init__(self, checker: Checker, hand: HandReach, rules: Literal["checked", "paper"]) -> None:
+    def __init__(self, checker: Checker, rules: Literal["checked", "paper"]) -> None:
         self._checker = checker
-        self._hand = hand
         self._rules = rules
         self._blocked_at_s: float | None = None
         self._hand_at_s: float | None = None
@@ -41,8 +40,8 @@ class Watch:
         """The first such time; None: free."""
         return min((t for t in (self._blocked_at_s, self._hand_at_s) if t is not None), default=None)
 
-    def look(self, sent: Sent, from_s: float, vision: Vision, *, changed: bool) -> None:
-        """Look at what is under way from one of its times on, where cells ``changed`` or it was not watched."""
+    def look(self, sent: Sent, from_s: float, vision: Vision, hand: HandReach, *, changed: bool) -> None:
+        """Look at what is under way from one of its times on, where cells ``changed`` or it was not watched; ``hand`` as of now."""
         if sent.kind == "stop" or not (changed or self._look_at_all):
             return
         all_of_it = self._look_at_all or self._blocked_at_s is not None  # a way that was blocked may have become free again
@@ -52,19 +51,19 @@ class Watch:
             blocked = np.any(vision.counts.node[path] > 0)  # by the paper's rules every point is a neuron
             self._blocked_at_s = self._first_blocked(sent, from_s, vision) if blocked else None
             return
-        if sent.motion is not None and sent.motion.path.leaving is not None and self._leads_out(sent, from_s, vision):
+        if sent.motion is not None and sent.motion.path.leaving is not None and self._leads_out(sent, from_s, vision, hand):
             self._blocked_at_s = self._hand_at_s = None
             return
         if all_of_it:
             self._blocked_at_s = self._first_blocked(sent, from_s, vision)
         else:
             self._blocked_at_s = self._checker.curve_meets(vision.appeared, sent.curve, from_s=from_s)
-        self._hand_at_s = self._checker.hand_meets(vision.world.recent, sent.curve, self._hand, from_s=from_s)
+        self._hand_at_s = self._checker.hand_meets(vision.world.recent, sent.curve, hand, from_s=from_s)
 
-    def _leads_out(self, sent: Sent, from_s: float, vision: Vision) -> bool:
+    def _leads_out(self, sent: Sent, from_s: float, vision: Vision, hand: HandReach) -> bool:
         """Whether a motion that leaves cells is as good as when it was sent, though the hand may have followed: to stop would be worse."""
         world, curve = vision.world, sent.curve
-        if self._checker.hand_meets(world.recent, curve, self._hand, from_s=from_s, safety_m=TOUCH_M) is not None:
+        if self._checker.hand_meets(world.recent, curve, hand, from_s=from_s, safety_m=TOUCH_M) is not None:
             return False
         leaving = world.leaving(self._checker, curve.sample(from_s)[0])
         if leaving is None:

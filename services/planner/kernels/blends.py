@@ -19,7 +19,7 @@ __all__ = ["fit_blends", "sample_blends", "sample_count"]
 SHARE_INSIDE = 0.5  # of a piece between two corners: what each of them may use
 SHARE_AT_END = 0.95  # of the first and the last piece; some of the line stays, so that the ends' direction is the line's
 HALVINGS = 6  # of the reach, until the corner is given up
-LEAST_RAD = 0.01  # a smaller reach is none; our choice
+LEAST_RAD = 1e-4  # a smaller reach is none; our choice: a slow arm's lead-in is that short, and to stop at its end would be felt
 LINE_STEP_RAD, BLEND_STEP_RAD = 0.1, 0.04  # joint way between samples for timing; our choice
 LEAST_SAMPLES = 4  # pieces of a blend for timing
 

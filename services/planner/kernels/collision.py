@@ -8,7 +8,7 @@ how much it may change until its answer could: along a way most are not asked ag
 * **static layer**: boxes, spheres and cylinders by their exact distance to the spheres that cover a body.
 * **self**: spheres of one body in the distance grid of the other.
 
-Twin: ``tests/support/slow_collision.py``; referee: coal on the bare meshes.
+Twin of the cells: ``tests/support/slow_planner.py``; of the slack: ``tests/unit/planner/test_slack.py``; referee: coal on the bare meshes.
 """
 
 from __future__ import annotations

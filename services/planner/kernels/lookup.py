@@ -1,7 +1,7 @@
 """Building and reading the lookup table: which cells a pose sweeps, which neurons and edges a cell blocks.
 
 The rule that ties a cell to a pose is :func:`services.planner.kernels.collision.cell_touches_body`, the same that checks paths. Twin:
-``tests/support/slow_lookup.py`` (every cell of the grid against every body).
+``tests/support/slow_planner.py`` (every cell of the grid against every body).
 """
 
 from __future__ import annotations

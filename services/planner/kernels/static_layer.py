@@ -1,6 +1,6 @@
 """What is bolted down: exact shapes, and a coarse field of distances that tells at once where none of them is near.
 
-Twin: ``tests/support/slow_collision.py``; referee: coal.
+Referees: brute force over every sphere (``tests/unit/planner/test_slack.py``), coal.
 """
 
 from __future__ import annotations

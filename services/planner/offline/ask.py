@@ -11,6 +11,7 @@ from common.cell import load
 from common.wire.messages import PlanReply, PlanRequest
 from services.planner.assemble import assemble
 from services.planner.config import PlannerConfig
+from services.planner.memory import recall
 from services.planner.offline.build import Progress
 from services.planner.questions import QuestionDesk
 
@@ -26,6 +27,6 @@ def plan_offline(
         TolmanError: config, robot or map cannot be had, or the request is impossible.
     """
     cell, config = load(path, "planner", PlannerConfig, overrides)
-    parts = assemble(cell, config, progress)
+    parts = recall(assemble(cell, config, progress)).parts
     desk = QuestionDesk(parts, time.monotonic_ns)
     return desk.answer(request, parts.robot.home_rad, np.empty(0, dtype=np.int32))

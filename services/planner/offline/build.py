@@ -27,7 +27,7 @@ from services.planner.offline import artefact
 from services.planner.offline.config import MapConfig
 from services.planner.offline.finishing import CheckedMap, prune_grown, table_of
 from services.planner.offline.growth import grow, model_of, parameters_of
-from services.planner.offline.motion_store import MotionOrder, make_motions
+from services.planner.offline.motion_store import MotionOrder, make_motions, read_recorded
 from services.planner.offline.motions import Samples, resample
 from services.planner.offline.scene import Scene
 
@@ -72,15 +72,17 @@ class Job:
     cache: Path
 
     @staticmethod
-    def of(cell: CellConfig, config: PlannerConfig, recorded: Sequence[F64] = (), cache: Path | None = None) -> Job:
-        """A job; ``cache`` defaults to the user's.
+    def of(cell: CellConfig, config: PlannerConfig, recorded: Sequence[F64 | Path] = (), cache: Path | None = None) -> Job:
+        """A job; ``cache`` defaults to the user's. Motions (or files of them) in ``recorded`` come after those that the config names.
 
         Raises:
             RobotError: the robot cannot be loaded.
-            ConfigError: parameters of the model that do not go together.
+            ConfigError: parameters of the model that do not go together; a file of a motion cannot be used.
         """
         model_of(config)  # refuses now what it would refuse after all motions are made
-        return Job(cell, config, Scene.of(cell, config.margins), tuple(recorded), cache or cache_dir())
+        scene = Scene.of(cell, config.margins)
+        motions = [read_recorded(q, scene.robot) if isinstance(q, Path) else q for q in (*map(Path, config.taught), *recorded)]
+        return Job(cell, config, scene, tuple(motions), cache or cache_dir())
 
     @property
     def motions_fingerprint(self) -> str:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from common.cell import CellConfig
 from common.errors import ArtefactError, ConfigError
+from common.robot.model import RobotModel
+from common.robot.taught import read_taught
 from services.planner.config import MarginsConfig
 from services.planner.offline import artefact
 from services.planner.offline.config import MotionsConfig
@@ -110,19 +112,24 @@ def _read_chunk(order: MotionOrder, chunk: range) -> list[F64] | None:
     return [np.array(path) for path in np.split(arrays["points"], np.cumsum(arrays["lengths"])[:-1])]
 
 
-def read_recorded(path: Path, n_joints: int) -> F64:
-    """A recorded motion (K >= 2, J) in radians from ``.npy`` or from text with one comma-separated joint vector a line.
+def read_recorded(path: Path, robot: RobotModel) -> F64:
+    """A recorded motion (K >= 2, J) in radians: a file of ``tolman teach`` (``.json``), ``.npy``, or text with one comma-separated joint
+    vector a line.
 
     Raises:
-        ConfigError: not readable, wrong width, or not finite; names file and shape.
+        ConfigError: not readable, torn, of another arm, wrong width, not finite ...; names file, place and value.
     """
+    if path.suffix == ".json":
+        try:
+            return read_taught(path, robot).q_rad
+        except ArtefactError as error:  # a command line or a config named it
+            raise ConfigError(error.message, code=error.code, facts=error.facts) from None
+    n_joints = robot.n_joints
     try:
         is_binary = path.suffix == ".npy"
         q = np.asarray(np.load(path, allow_pickle=False) if is_binary else np.loadtxt(path, delimiter=",", ndmin=2), dtype=np.float64)
     except (OSError, ValueError) as error:
-        raise ConfigError(f"--motions {path}: cannot be read: {error}", facts={"path": str(path)}) from None
+        raise ConfigError(f"{path}: the motion cannot be read: {error}", facts={"path": str(path)}) from None
     if q.ndim != 2 or q.shape[1] != n_joints or len(q) < 2 or not np.all(np.isfinite(q)):
-        raise ConfigError(
-            f"--motions {path}: expected finite joint vectors (K >= 2, {n_joints}), got shape {q.shape}", facts={"path": str(path)}
-        )
+        raise ConfigError(f"{path}: expected finite joint vectors (K >= 2, {n_joints}), got shape {q.shape}", facts={"path": str(path)})
     return q

@@ -23,6 +23,7 @@ from services.robot_sim.core.timeline import NS, Segment, Timeline
 __all__ = ["Cause", "Executor", "Status"]
 
 F64 = NDArray[np.float64]
+GUIDED = "guided by hand"
 Mode = Literal["idle", "tracking", "holding", "stopping", "fault"]
 
 
@@ -81,6 +82,12 @@ class Executor:
         self._reason = ""
         self._lost = ""
         self._refusal = self._refused_id = ""
+        self._guide_id = ""
+
+    @property
+    def guided(self) -> bool:
+        """Whether a hand leads the arm, or led it and it still brakes."""
+        return self.moving and bool(self._guide_id) and self._newest is not None and self._newest.id == self._guide_id
 
     @property
     def moving(self) -> bool:
@@ -102,6 +109,23 @@ class Executor:
         self._refused_id = motion.id
         self._refusal = f"refused {motion.id[:64]!r}: {refusal}"
         return refusal
+
+    def guide(self, motion: Motion) -> str | None:
+        """A hand takes the tool and leads the arm along ``motion``; refused, like a trajectory, and also while anything is driven.
+
+        Until it ends no trajectory is taken; :meth:`release` and :meth:`stop` end it.
+        """
+        if self.moving:
+            return f"the arm drives {self._timeline.newest.id[:64]!r}"
+        refusal = self.submit(motion)
+        if refusal is None:
+            self._guide_id = motion.id
+        return refusal
+
+    def release(self) -> None:
+        """The hand lets go: brake along the path; the next trajectory is taken."""
+        if self.guided:
+            self.stop("the hand let go", Cause.PLANNER)
 
     def stop(self, reason: str, cause: Cause = Cause.COMMAND) -> None:
         """Brake along the path if moving, then hold; no trajectory is taken until the cause is gone."""
@@ -147,7 +171,7 @@ class Executor:
     def status(self) -> Status:
         """Mode, reason and progress at the last tick."""
         newest_id, time_s = self._progress()
-        reason = self._reason or self._lost
+        reason = self._reason or self._lost or (GUIDED if self.guided else "")
         return Status(self._mode(), "; ".join(r for r in (reason, self._refusal) if r), newest_id, time_s, self._refused_id)
 
     def _refuse_by_state(self) -> str | None:
@@ -155,6 +179,8 @@ class Executor:
             return f"{self._reason} (robot/resume ends that)"
         if self._lost:
             return self._lost
+        if self.guided:
+            return f"the arm is {GUIDED}"
         return "the arm is braking" if self.moving and self._braking is not None else None
 
     def _progress(self) -> tuple[str, float]:

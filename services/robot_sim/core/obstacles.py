@@ -139,7 +139,7 @@ class Obstacles:
 
         Args:
             dt_s: time that passes.
-            gap_m: distance between the arm and an obstacle at a pose, where the arm stands; None while it moves.
+            gap_m: distance between the arm and an obstacle at a pose, where the arm is seen to stand; None while it moves.
             polite_gap_m: a standing arm is not approached nearer than this: the obstacle waits, its script stands still.
         """
         moved = []

@@ -9,7 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -46,10 +46,16 @@ class Running:
         return self.log_file.read_text(encoding="utf-8")
 
     def pid_of(self, name: str) -> int:
-        found = subprocess.run(["pgrep", "-f", f"{TINY} {name} .*{self.namespace}"], capture_output=True, text=True, check=False)
-        pids = found.stdout.split()
+        pids = [pid for pid, line in _command_lines() if re.search(f"{TINY} {name} .*{self.namespace}", line)]
         assert len(pids) <= 1, f"{name} runs {len(pids)} times"
-        return int(pids[0]) if pids else 0
+        return pids[0] if pids else 0
+
+
+def _command_lines() -> Iterator[tuple[int, str]]:
+    """Process id and command line of all that runs; a bare Debian has no pgrep."""
+    for entry in Path("/proc").glob("[0-9]*/cmdline"):
+        with suppress(OSError):  # it has ended meanwhile
+            yield int(entry.parent.name), entry.read_bytes().replace(b"\0", b" ").decode(errors="replace")
 
 
 @pytest.fixture

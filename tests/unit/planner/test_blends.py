@@ -112,3 +112,15 @@ def test_cut_corners_equals_its_slow_twin(bench, n_checks):
         assert kept[:n].tolist() == kept_corners(len(path), 0, n_checks, is_free)
         shortened += n < len(path)
     assert shortened > 0 or n_checks == 0
+
+
+def test_a_slow_arm_does_not_stop_at_the_end_of_its_short_lead_in(bench):
+    """A splice at 0.1 rad/s leads in for a milliradian: that corner is rounded too."""
+    velocity = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
+    start = bench.robot.home_rad
+    path = np.stack([start, start + 1.1 * velocity * 0.1 / (2 * 5.0), start + np.array([0.05, 0.1, -0.3, 0.0, 0.2, 0.3])])
+    reach = bench.checker.fit_blends(cells_of(bench.grid, np.empty(0, dtype=np.int32)), path, 1.0)
+    timed = time_blends(path, reach, LIMITS, velocity)
+    assert reach[1] > 0.0 and timed is not None
+    speed = np.linalg.norm(timed.dq_rad_s[:-1], axis=1)
+    assert speed.min() > 0.03

@@ -7,7 +7,8 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.errors import ArtefactError
+from common.errors import ArtefactError, ConfigError
+from common.robot.taught import TaughtMotion, write_taught
 from services.planner.config import PlannerConfig
 from services.planner.core.lattice import lattice_edges
 from services.planner.core.world import no_cells
@@ -15,7 +16,7 @@ from services.planner.kernels.collision import FREE
 from services.planner.offline import build, motion_store
 from services.planner.offline.build import Job
 from services.planner.offline.config import GammaSomConfig, SomConfig
-from tests.support.cell import ur3_cell
+from tests.support.cell import ur3, ur3_cell
 
 
 @pytest.fixture(scope="module")
@@ -150,3 +151,16 @@ def test_recorded_motions_join_the_map(small: PlannerConfig, job: Job, cache: Pa
     middle = path.mean(axis=0)
     distance = [np.linalg.norm(m.learned.q_rad - middle, axis=1).min() for m in (learned, build.load(job))]
     assert distance[0] < 0.5 * distance[1]
+
+
+def test_taught_files_are_named_by_the_config_or_given_and_make_the_same_map(small: PlannerConfig, cache: Path, tmp_path: Path) -> None:
+    q = np.linspace(ur3().home_rad, ur3().home_rad + 0.3, 20)
+    file = tmp_path / "taught.json"
+    write_taught(file, TaughtMotion(np.arange(20.0), q), ur3())
+    named = Job.of(ur3_cell(), msgspec.structs.replace(small, taught=[str(file)]), cache=cache)
+    given = Job.of(ur3_cell(), small, recorded=[file], cache=cache)
+    assert named.path == given.path == Job.of(ur3_cell(), small, recorded=[q], cache=cache).path
+    assert named.path != Job.of(ur3_cell(), small, cache=cache).path
+    file.write_text(file.read_text()[:-1])
+    with pytest.raises(ConfigError, match=r"taught\.json: torn"):
+        Job.of(ur3_cell(), msgspec.structs.replace(small, taught=[str(file)]), cache=cache)

@@ -13,6 +13,7 @@ from services.planner.offline.motion_store import read_recorded
 from services.planner.offline.motions import MotionMaker, resample
 from services.planner.offline.regions import box_cells, tool_pose_in
 from services.planner.offline.scene import Scene
+from tests.support.cell import ur3
 from tests.unit.planner_offline.conftest import PICK, PLACE
 
 GRID = Grid((-0.8, -0.8, 0.0), (80, 80, 50), 0.02)
@@ -106,10 +107,10 @@ def test_recorded_motions_are_read_or_refused_by_name(tmp_path) -> None:
     np.savetxt(tmp_path / "good.csv", q, delimiter=",")
     np.save(tmp_path / "good.npy", q)
     for name in ("good.csv", "good.npy"):
-        np.testing.assert_allclose(read_recorded(tmp_path / name, 6), q)
+        np.testing.assert_allclose(read_recorded(tmp_path / name, ur3()), q)
     (tmp_path / "words.csv").write_text("a,b\n")
     np.save(tmp_path / "narrow.npy", q[:, :5])
     np.save(tmp_path / "nan.npy", np.full((3, 6), np.nan))
     for name in ("words.csv", "narrow.npy", "nan.npy", "missing.csv"):
         with pytest.raises(ConfigError, match=name):
-            read_recorded(tmp_path / name, 6)
+            read_recorded(tmp_path / name, ur3())

@@ -1,0 +1,122 @@
+"""A map that grows: neurons and edges are added behind those that are there, and their rows go into the lookup table.
+
+Nothing that is there moves or changes its number, so a motion under way keeps its neurons. The grown table equals one that is built from
+nothing on the same neurons and edges.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from common.geometry.grid import Grid
+from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.lookup import LookupTable, Swept, owner_dtype, sweep
+from services.planner.core.roadmap import Roadmap
+from services.planner.kernels.collision import Arm
+from services.planner.kernels.lookup import count_rows
+from services.planner.kernels.merging import append_owners, copy_rows
+
+__all__ = ["Addition", "Ground", "grown"]
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
+
+
+@dataclass(frozen=True, eq=False)
+class Addition:
+    """What joins a map of N neurons.
+
+    Attributes:
+        neurons_rad: (A, J) new neurons; they get the numbers N .. N + A - 1.
+        edges: (E, 2) int32 new edges, lower neuron first, each at most once and none that the map has.
+    """
+
+    neurons_rad: F64
+    edges: I32
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether the map had it all."""
+        return len(self.neurons_rad) == 0 and len(self.edges) == 0
+
+
+@dataclass(frozen=True, eq=False)
+class Ground:
+    """What the rows of a table depend on besides the map: arm, cells, inflation, and the step along edges in metres."""
+
+    arm: Arm
+    grid: Grid
+    safety_m: float
+    step_m: float
+
+
+def grown(roadmap: Roadmap, addition: Addition, ground: Ground, *, n_threads: int = 1) -> Roadmap:
+    """``roadmap`` with an addition; the old one is left as it is.
+
+    Args:
+        roadmap: N neurons, M edges.
+        addition: what joins it.
+        ground: that of the old table.
+        n_threads: that sweep the new rows; one leaves the other processors to the reflex.
+    """
+    if addition.is_empty:
+        return roadmap
+    table = _grown_table(roadmap, addition, ground, n_threads)
+    learned = CognitiveMap(np.vstack([roadmap.neurons_rad, addition.neurons_rad]), np.vstack([roadmap.edges, addition.edges]))
+    return Roadmap.of(learned, table, roadmap.model)
+
+
+def _grown_table(roadmap: Roadmap, addition: Addition, ground: Ground, n_threads: int) -> LookupTable:
+    swept, n_ends = _sweep_new(roadmap, addition, ground, n_threads)
+    table, n, n_cells = roadmap.table, roadmap.n_neurons, ground.grid.n_cells
+    node_offset = swept.node_offset[n_ends:] - swept.node_offset[n_ends]
+    node_cell = swept.node_cell[swept.node_offset[n_ends] :]
+    counts = np.zeros(n_cells, dtype=np.int64)
+    count_rows(node_cell, counts)
+    is_kept = counts[table.unavoidable] == len(addition.neurons_rad)  # a cell that a new neuron does not sweep can be avoided from now on
+    unavoidable = table.unavoidable[is_kept]
+    avoidable, none = _marks(table.unavoidable[~is_kept], n_cells), np.zeros(n_cells, dtype=np.uint8)
+    left_out = _marks(unavoidable, n_cells)
+    nodes = _merge(table.node_offset, table.node_owner, avoidable, n, node_offset, node_cell, left_out)
+    # What every old neuron sweeps, no old edge sweeps beyond its ends: its rows begin empty there.
+    edges = _merge(table.edge_offset, table.edge_owner, none, roadmap.n_edges, swept.edge_offset, swept.edge_cell, left_out)
+    return LookupTable(*nodes, *edges, unavoidable=unavoidable)
+
+
+def _sweep_new(roadmap: Roadmap, addition: Addition, ground: Ground, n_threads: int) -> tuple[Swept, int]:
+    """Cells of the old ends of new edges, then of the new neurons, and of the new edges; how many of the neurons are old ends."""
+    n = roadmap.n_neurons
+    ends = np.unique(addition.edges[addition.edges < n])
+    place = np.concatenate([ends, np.arange(n, n + len(addition.neurons_rad))])
+    edges = np.searchsorted(place, addition.edges).astype(np.int32).reshape(-1, 2)
+    q = np.ascontiguousarray(np.vstack([roadmap.neurons_rad[ends], addition.neurons_rad]))
+    swept = sweep(ground.arm, ground.grid, q, edges, safety_m=ground.safety_m, step_m=ground.step_m, n_threads=n_threads)
+    return swept, len(ends)
+
+
+def _marks(cells: I32, n_cells: int) -> U8:
+    marks = np.zeros(n_cells, dtype=np.uint8)
+    marks[cells] = 1
+    return marks
+
+
+def _merge(
+    old_offset: I64, old_owner: NDArray[Any], is_full: U8, n_old: int, offset: I64, cells: I32, is_left_out: U8
+) -> tuple[I64, NDArray[Any]]:
+    """Rows by cell of the old owners and of the new ones ``offset, cells``; see the kernels."""
+    more = np.zeros(len(old_offset) - 1, dtype=np.int64)
+    count_rows(cells, more)
+    more[is_left_out > 0] = 0
+    counts = np.where(is_full > 0, n_old, np.diff(old_offset)) + more
+    row_offset = np.concatenate([[0], np.cumsum(counts)])
+    dtype = owner_dtype(n_old + len(offset) - 1)
+    owner, cursor = np.empty(row_offset[-1], dtype=dtype), np.empty(len(counts), dtype=np.int64)
+    copy_rows(old_offset, old_owner.astype(dtype, copy=False), is_full, n_old, row_offset, owner, cursor)
+    append_owners(offset, cells, is_left_out, n_old, cursor, owner)
+    return row_offset, owner

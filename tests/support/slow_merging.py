@@ -1,0 +1,15 @@
+"""Slow and obvious twin of the kernels that grow a table."""
+
+from __future__ import annotations
+
+__all__ = ["slow_merge"]
+
+
+def slow_merge(old: list[list[int]], new: list[list[int]], n_old: int, *, full: set[int], left_out: set[int]) -> list[list[int]]:
+    """Rows by cell: the old one (every old owner where ``full``), then the new owners whose cells hold it, unless it has no row."""
+    rows = [list(range(n_old)) if cell in full else list(row) for cell, row in enumerate(old)]
+    for k, cells in enumerate(new):
+        for cell in cells:
+            if cell not in left_out:
+                rows[cell].append(n_old + k)
+    return rows
