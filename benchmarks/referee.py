@@ -26,12 +26,25 @@ STEP_RAD = 1.0 / 256.0  # issue
 
 
 def at_steps(q_rad: F64, step_rad: float = STEP_RAD) -> F64:
-    """(K, J) points of the polyline ``q_rad`` (P, J), no joint moving more than ``step_rad`` between two of them."""
+    """(K, J) points of the polyline ``q_rad`` (P, J), no joint moving more than ``step_rad`` between two of them.
+
+    Corners that lie closer together than that are passed over, as far as the step allows; first and last point are always there.
+    """
+    q_rad = _thinned(q_rad, step_rad)
     parts = [q_rad[:1]]
     for a, b in pairwise(q_rad):
         n = max(1, int(np.ceil(np.abs(b - a).max() / step_rad)))
         parts.append(a + (b - a) * (np.arange(1, n + 1) / n)[:, None])
     return np.concatenate(parts)
+
+
+def _thinned(q_rad: F64, step_rad: float) -> F64:
+    """The corners without those that lie, with the next one, within ``step_rad`` of the last one kept."""
+    kept = [0]
+    for k in range(1, len(q_rad) - 1):
+        if np.abs(q_rad[k : k + 2] - q_rad[kept[-1]]).max() > step_rad:
+            kept.append(k)
+    return q_rad[[*kept, len(q_rad) - 1]] if len(q_rad) > 1 else q_rad
 
 
 class Referee:

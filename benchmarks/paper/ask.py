@@ -17,7 +17,7 @@ from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.world import World
 
-__all__ = ["ALGORITHMS", "RULES", "Answer", "Variant", "answer", "variants"]
+__all__ = ["ALGORITHMS", "RULES", "Answer", "Variant", "answer", "dense", "variants"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -64,7 +64,8 @@ class Answer:
         raw_rad: (P, J) that path, from the true start to the true goal.
         path_rad: (K, J) what the arm would drive, close enough together that straight pieces are the curve.
         length_rad: of what the arm would drive.
-        fell_back: smoothing was asked for and no smooth curve was taken: the arm stops at each corner.
+        fell_back: smoothing was asked for and the arm stops on its way all the same: by the paper's rules at each corner, as no smooth
+            curve was taken; by ours where a corner could not be rounded.
         ms: milliseconds by stage; ``path`` is update and search, ``total`` all.
     """
 
@@ -93,11 +94,12 @@ def answer(parts: Parts, planner: MotionPlanner, question: Question, variant: Va
     if not isinstance(motion, Motion):
         nothing = np.empty((0, len(question.q_start)))
         return Answer(False, motion.outcome, np.empty(0, dtype=np.int32), nothing, nothing, float("nan"), False, watch.ms)
-    driven = _dense(motion) if variant.smooth else motion.path.q_rad
+    driven = dense(motion) if variant.smooth else motion.path.q_rad
     return Answer(True, "solved", motion.path.neurons, motion.path.q_rad, driven, _length(driven), motion.fell_back, watch.ms)
 
 
-def _dense(motion: Motion) -> Any:
+def dense(motion: Motion) -> Any:
+    """(K, J) the curve itself, close enough together that straight pieces are the curve."""
     return motion.curve.sample(np.linspace(0.0, motion.curve.duration_s, DENSE * len(motion.curve.t_s)))[0]
 
 

@@ -35,6 +35,7 @@ PARTS: dict[str, Entry] = {
     "gng-shorter": Entry("claims", "GNG paths are shorter than γ-SOM paths", "claims.gng_shorter"),
     "dijkstra-shorter": Entry("claims", "Dijkstra is shorter than the wavefront", "claims.dijkstra_shorter"),
     "big-obstacles": Entry("claims", "γ-SOM fails more often at big obstacles", "claims.big_obstacles"),
+    "solved-share": Entry("claims", "What each map solves", "claims.solved_share"),
     "smoothing-cost": Entry("claims", "Smoothing is the costliest step", "claims.smoothing_cost"),
     "reproducible": Entry("claims", "Paths are reproducible", "claims.reproducible"),
     "resolution": Entry("claims", "Path resolution against network size", "claims.resolution"),

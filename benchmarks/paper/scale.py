@@ -22,6 +22,7 @@ class Scale(Strict, frozen=True):
     overrides: list[str]  # of the cell config: the map's size and its training data
     n_runs: Count  # paper: 20 runs of one question
     n_scenes: Count  # scenes behind every comparison that is not about one question
+    n_share_scenes: Count  # as `tolman bench replan` asks
     n_big_scenes: Count  # issue: 200 scenes with growing obstacles
     network_sizes: list[Count]  # issue: 1k, 2k, 5k, 10k, 20k
     n_size_scenes: Count  # questions asked to each network size
@@ -30,6 +31,7 @@ class Scale(Strict, frozen=True):
     gaps_m: list[float]  # issue: a gap of 8 to 30 cm
     n_gap_tries: Count  # start poses for each gap
     peer_limit_s: float  # a sampling planner that takes longer counts as failed
+    solvable_limit_s: float  # a question that RRTConnect does not solve in so long counts as not solvable
     n_sampler_paths: Count  # runs of each sampling planner that are drawn
     n_constraint_motions: Count  # taught motions that keep the tool's orientation
     constraint_neurons: Count
@@ -46,6 +48,7 @@ FULL = Scale(
     overrides=[],
     n_runs=20,
     n_scenes=40,
+    n_share_scenes=500,
     n_big_scenes=200,
     network_sizes=[1000, 2000, 5000, 10_000, 20_000],
     n_size_scenes=100,
@@ -54,6 +57,7 @@ FULL = Scale(
     gaps_m=[0.08, 0.10, 0.12, 0.14, 0.16, 0.20, 0.24, 0.30],
     n_gap_tries=20,
     peer_limit_s=2.0,
+    solvable_limit_s=5.0,  # issue
     n_sampler_paths=8,
     n_constraint_motions=400,
     constraint_neurons=5000,
@@ -70,6 +74,7 @@ QUICK = Scale(
     overrides=["planner.map.n_neurons=800", "planner.motions.n_trajectories=120", "planner.motions.n_samples=6000"],
     n_runs=3,
     n_scenes=2,
+    n_share_scenes=6,
     n_big_scenes=6,
     network_sizes=[200, 400],
     n_size_scenes=6,
@@ -78,6 +83,7 @@ QUICK = Scale(
     gaps_m=[0.08, 0.30],
     n_gap_tries=2,
     peer_limit_s=0.5,
+    solvable_limit_s=0.5,
     n_sampler_paths=2,
     n_constraint_motions=20,
     constraint_neurons=300,

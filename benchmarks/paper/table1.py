@@ -18,15 +18,16 @@ __all__ = ["measure", "verdict_on_collisions"]
 PAPERS_ROWS = 5  # issue: the paper's five rows
 HEAD = ("rules", "model", "algorithm", "smoothed")
 ONE = (*HEAD, "neurons on the path", "path, ms", "answer, ms", "length, rad", "collides (coal)", "paper: ms")
-MANY = (*HEAD, "solved", "smoothing rejected", "neurons", "path, ms", "answer, ms", "answer p95, ms", "length, rad", "collide (coal)")
+MANY = (*HEAD, "solved", "rejected / with a stop", "neurons", "path, ms", "answer, ms", "answer p95, ms", "length, rad", "collide (coal)")
 INTRO = (
     "One question (start, goal, boxes; the first of the set “task” that every map answers by both rules) is put to each map by each "
     "algorithm, {n} times from an empty world, as in the paper. The same question gives the same path each time, so the spread is the "
     "clock's. *Path* is all from changed cells to a path on the map; *answer* is all until a timed motion may be sent (raw: a stop at "
-    "each corner). By the paper's rules start and goal snap to their best matches, neurons alone are blocked, and a smoothed path is "
-    "taken if its best matches are free. By our rules (`checked`) edges are blocked too and the very curve that would be driven is "
-    "checked. Where no smooth curve is accepted (*rejected*) the raw path is driven. The second table puts {scenes} scenes to each; its "
-    "last column is coal's word at steps of 1/256 rad, on true shapes, without any margin."
+    "each corner). By the paper's rules start and goal snap to their best matches, neurons alone are blocked, and the path is smoothed "
+    "by a NURBS, from very smooth down until its best matches are free; if none is (*rejected*), the raw path is driven. By our rules "
+    "(`checked`) start and goal are joined by checked ways, edges are blocked too, corners are cut and then rounded one by one as far as "
+    "the arm stays free (one that cannot be is stopped at: *with a stop*), and the very curve that would be driven is checked. The second "
+    "table puts {scenes} scenes to each; its last column is coal's word at steps of 1/256 rad, on true shapes, without any margin."
 )
 
 
@@ -84,7 +85,7 @@ def _row_of_one(variant: Variant, runs: Sequence[Run], collides: bool | None) ->
     first = runs[0].answer
     head = words.row_head(variant)
     if first.fell_back:
-        head[-1] = "yes, rejected"
+        head[-1] = "yes, rejected" if variant.rules == "paper" else "yes, with a stop"
     paper = NOT_AT_HAND
     if (variant.model, variant.search, variant.rules) == ("gng", "dijkstra", "paper"):
         paper = known("smoothed_ms" if variant.smooth else "search_ms")

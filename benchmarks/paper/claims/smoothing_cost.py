@@ -16,14 +16,15 @@ STAGES = ("update", "search", "smooth", "time", "verify")
 EXPLAINED = {
     "update": "cells -> blocked neurons and edges",
     "search": "start and goal joined, graph search",
-    "smooth": "NURBS; by our rules corners are cut first",
+    "smooth": "paper's rules: NURBS; ours: corners cut, then rounded one by one as far as the arm stays free",
     "time": "timed within joint limits",
-    "verify": "smoothed path looked at (paper's rules: best matches; ours: the timed curve)",
+    "verify": "smoothed path looked at (paper's rules: its best matches; ours: the timed curve itself)",
 }
 SMOOTHING = ("smooth", "verify")  # the paper's smoothing includes looking whether the smoothed path is free
 INTRO = (
     "GNG, Dijkstra, smoothed, on {n} scenes; milliseconds by stage. The paper's step of smoothing includes the look at the smoothed path "
-    "(*verify*); timing within limits is no step of the paper and stands for itself."
+    "(*verify*); timing within limits is no step of the paper and stands for itself. By our rules rounding a corner is itself a search "
+    "for what is free, so *smooth* holds most of the looks."
 )
 
 

@@ -94,7 +94,7 @@ def _tables(figures: dict[str, float | None], dodge: Dodge | None) -> list[Table
         ["goals reached", f"{figures['goals_reached']}", "not at hand"],
         ["contacts that the arm caused", f"{figures['contacts_caused']}", "not at hand"],
         ["new ways because the old one was blocked", f"{figures['replans_blocked']}", "not at hand"],
-        ["exposure to new way sent, ms, median / p95", _milliseconds(figures), "not at hand"],
+        ["exposure of an obstacle to the new motion accepted by the robot, ms, median / p95", _milliseconds(figures), "not at hand"],
         ["bend of the dodge shown, cm", "–" if dodge is None else f"{100.0 * dodge.bend_m:.0f}", "not at hand"],
     ]
     return [Table("The run that the series is from", ("what", "ours", "paper"), rows)]

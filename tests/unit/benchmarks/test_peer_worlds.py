@@ -14,7 +14,7 @@ from benchmarks.peers.coal_world import CoalArm, pinocchio_model
 from benchmarks.peers.hulls import convex_pieces
 from benchmarks.peers.peer import Setting
 from benchmarks.peers.roboplan_scene import make_scene
-from benchmarks.referee import Referee
+from benchmarks.referee import STEP_RAD, Referee, at_steps
 from common.geometry.grid import Grid
 from common.robot.pairs import coal_mesh
 from services.planner.config import MarginsConfig
@@ -162,3 +162,14 @@ def test_the_referee_sees_cells_as_their_boxes(setting: Setting, cells: np.ndarr
         verdicts.append(referee.path_collides(q[None], setting.grid, some))
         assert verdicts[-1] == referee.collides(q[None], boxes) == referee.path_collides(q[None], setting.grid, NONE, boxes)
     assert any(verdicts) and not all(verdicts)
+
+
+@pytest.mark.parametrize(("n", "scale_rad"), [(1, 1.0), (2, 1e-4), (5, 1.0), (3000, 1e-3), (500, 3e-3), (2000, 1e-2)])
+def test_the_referee_looks_at_least_every_step_and_passes_no_corner_by(n: int, scale_rad: float) -> None:
+    path = np.cumsum(np.random.default_rng(n).normal(scale=scale_rad, size=(n, 6)), axis=0)
+    looks = at_steps(path)
+    np.testing.assert_array_equal(looks[[0, -1]], path[[0, -1]])
+    assert np.abs(np.diff(looks, axis=0)).max(initial=0.0) <= STEP_RAD * (1.0 + 1e-9)
+    assert max(np.abs(looks - corner).max(axis=1).min() for corner in path) <= STEP_RAD
+    finest = np.diff(path, axis=0)
+    assert len(looks) <= 1 + np.ceil(np.abs(finest).max(axis=1) / STEP_RAD).sum(initial=0.0), "no more looks than corner by corner"

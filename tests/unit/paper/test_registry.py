@@ -17,6 +17,7 @@ WANTED = {
         "gng-shorter",
         "dijkstra-shorter",
         "big-obstacles",
+        "solved-share",
         "smoothing-cost",
         "reproducible",
         "resolution",

@@ -14,6 +14,8 @@ from benchmarks.paper.claims.big_obstacles_drawing import failed_share
 from benchmarks.paper.claims.extension import Learned, verdict_on
 from benchmarks.paper.claims.pairs import Pair, holds_of, together
 from benchmarks.paper.claims.smoothing_cost import _costliest
+from benchmarks.paper.claims.solved_share import Solved
+from benchmarks.paper.claims.solved_share import verdict_on as verdict_on_share
 from benchmarks.paper.outcome import HOLDS, IN_PART, NOT, UNDECIDED
 from benchmarks.paper.shared_runs import Run
 from benchmarks.paper.stats import mean_sigma, paired, share
@@ -114,6 +116,19 @@ def test_an_extension_must_be_faster_keep_the_old_and_gain_the_new() -> None:
     assert verdict(4.0, 5, 30) == IN_PART  # forgotten
     assert verdict(4.0, 30, 12) == IN_PART  # gained by chance
     assert verdict(8.0, 5, 10) == NOT
+
+
+def test_a_map_solves_more_only_beyond_chance() -> None:
+    def verdict(n_som: int, n_gamma_som: int, n_gng: int, n: int = 100) -> str:
+        counts = {"som": n_som, "gamma_som": n_gamma_som, "gng": n_gng}
+        found = [Solved("checked", model, tuple(k < count for k in range(n)), (1.0,) * n) for model, count in counts.items()]
+        told = verdict_on_share(found, [True] * n, "checked")
+        assert f"GNG {n_gng} of {n}" in told.ours
+        return told.holds
+
+    assert verdict(60, 70, 90) == HOLDS
+    assert verdict(60, 89, 90) == UNDECIDED
+    assert verdict(60, 98, 90) == NOT
 
 
 def test_numbers_become_words() -> None:
