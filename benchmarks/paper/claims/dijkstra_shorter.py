@@ -33,7 +33,7 @@ def measure(study: Study) -> Outcome:
     verdict = Verdict(
         "Dijkstra is shorter in joint space than the wavefront, though it passes more neurons",
         NOT_AT_HAND,
-        ", ".join(f"{pair.ratio:.3f} ({pair.name})" for pair in lengths) + ": median of Dijkstra / wavefront",
+        ", ".join(f"{pair.ratio_word(3)} ({pair.name})" for pair in lengths) + ": median of Dijkstra / wavefront",
         HOLDS if shorter == more == HOLDS else NOT if shorter == NOT else UNDECIDED if shorter == UNDECIDED else IN_PART,
         "Where both find a path of equally few neurons, only the lengths differ.",
         [f"{a.words('shorter')}; neurons {mean_sigma(b.a, 1)} against {mean_sigma(b.b, 1)}" for a, b in zip(lengths, counts, strict=True)],

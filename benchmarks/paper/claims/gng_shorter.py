@@ -32,7 +32,7 @@ def measure(study: Study) -> Outcome:
     verdict = Verdict(
         "GNG paths are shorter than γ-SOM paths",
         NOT_AT_HAND,
-        ", ".join(f"{pair.ratio:.2f} ({pair.name})" for pair in pairs) + ": median of GNG / γ-SOM",
+        ", ".join(f"{pair.ratio_word(2)} ({pair.name})" for pair in pairs) + ": median of GNG / γ-SOM",
         together([holds_of(pair) for pair in pairs]),
         "A lattice can only go along its rows, columns and diagonals; a gas has edges where motions were.",
         [pair.words("GNG shorter") for pair in pairs],

@@ -33,6 +33,10 @@ class Pair:
         """Wilcoxon's two-sided p."""
         return paired(self.a, self.b)[2]
 
+    def ratio_word(self, digits: int) -> str:
+        """The ratio, or that there was nothing to compare."""
+        return f"{self.ratio:.{digits}f}" if self.a else "no scene that both solved"
+
     def words(self, what: str) -> str:
         """The comparison in a phrase; ``what`` is what less means: shorter, fewer."""
         ratio, n_less, p = paired(self.a, self.b)

@@ -104,7 +104,7 @@ def verdict_on(found: Sequence[Solved], solvable: Sequence[bool], rules: str) ->
     return Verdict(
         f"GNG solves more questions than SOM and γ-SOM ({words.RULES_WORD[rules]} rules)",
         "γ-SOM fails more often; no success rate at hand",
-        f"{said} of {len(solvable)}, of which {sum(solvable)} are solvable",
+        f"{said} of {len(solvable)} questions; {sum(solvable)} of them are solvable",
         holds,
         "Start and goal are inverse-kinematics poses off the training motions; nothing but the map answers.",
         details,

@@ -9,7 +9,7 @@ import numpy as np
 
 from benchmarks.paper import words
 from benchmarks.paper.ask import RULES
-from benchmarks.paper.canvas import COLOURS, new_drawing, plots, save
+from benchmarks.paper.canvas import COLOURS, new_drawing, plain_log, plots, save
 from benchmarks.paper.claims.solved_share import Solved
 from benchmarks.paper.outcome import Figure, Outcome
 from benchmarks.paper.study import MODELS
@@ -40,4 +40,5 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
     left.grid(visible=False, axis="x")
     left.legend(ncols=3, loc="lower left", bbox_to_anchor=(0.0, 1.0), fontsize=9)
     right.set(xscale="log", xlabel="answer, ms (our rules)", ylabel="share of questions", ylim=(0.0, 1.02))
+    plain_log(right.xaxis, [0.5, 1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0])
     return [save(drawing, folder, "solved-share", CAPTION)]

@@ -123,7 +123,7 @@ def test_a_map_solves_more_only_beyond_chance() -> None:
         counts = {"som": n_som, "gamma_som": n_gamma_som, "gng": n_gng}
         found = [Solved("checked", model, tuple(k < count for k in range(n)), (1.0,) * n) for model, count in counts.items()]
         told = verdict_on_share(found, [True] * n, "checked")
-        assert f"GNG {n_gng} of {n}" in told.ours
+        assert f"GNG {n_gng} of {n} questions" in told.ours
         return told.holds
 
     assert verdict(60, 70, 90) == HOLDS
