@@ -35,8 +35,8 @@ INTRO = (
     "General motions: RRTConnect between random free joint vectors, without obstacles. Task motions: those of the shipped map, from bin "
     "to bin. A gas of {n} neurons learns the general ones; *extended*: it then sees the task's motions and grows by {n} neurons; *from "
     "scratch*: a gas of {both} neurons learns both at once, or {both} the task alone. Old task: {q} questions of the set “off_task”; new "
-    "task: {q} of the set “task”; by our rules. SOM and γ-SOM cannot be extended: their lattice has a fixed size, and `partial_fit` says "
-    "so."
+    "task: {q} of the set “task”; by our rules. The seconds of *extended* are those of the extension: the map was there. SOM and γ-SOM "
+    "cannot be extended: their lattice has a fixed size, and `partial_fit` and `tolman build --extend` say so."
 )
 
 

@@ -23,7 +23,7 @@ DIFFERS = (
     "**What differs from the paper, everywhere.** Our arm is a UR3 in simulation (the paper: a real UR3e); training motions come from a "
     "sampling planner between two bins, half of them among boxes (the paper: motions of its own task); the machine is the one named here "
     "(the paper's is not at hand); code is numba on one thread. Start and goal are inverse-kinematics poses that no training motion "
-    "holds. Times are wall-clock times on a machine that does other work as well."
+    "holds. Times are wall-clock times; each part says how busy the machine was."
 )
 
 
