@@ -173,3 +173,13 @@ def test_the_referee_looks_at_least_every_step_and_passes_no_corner_by(n: int, s
     assert max(np.abs(looks - corner).max(axis=1).min() for corner in path) <= STEP_RAD
     finest = np.diff(path, axis=0)
     assert len(looks) <= 1 + np.ceil(np.abs(finest).max(axis=1) / STEP_RAD).sum(initial=0.0), "no more looks than corner by corner"
+
+
+def test_what_the_referee_passes_over_could_not_touch(poses: np.ndarray) -> None:
+    boxes = np.array([[[0.3, -0.1, 0.0], [0.4, 0.1, 0.4]], [[-0.5, -0.06, 0.0], [-0.4, 0.06, 0.4]]])
+    quick, slow = Referee(ur3(), ur3_cell().static), Referee(ur3(), ur3_cell().static)
+    slow._radius_m[:] = np.inf  # so that coal is asked about everything
+    for things in (boxes, boxes[:0]):
+        said = [quick.collides(q[None], things) for q in poses]
+        assert said == [slow.collides(q[None], things) for q in poses]
+        assert 0 < sum(said) < len(said)
