@@ -13,6 +13,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
+from rich.box import SIMPLE_HEAD
 from rich.console import Console
 from rich.progress import track
 from rich.table import Table
@@ -30,6 +31,8 @@ from services.planner.config import PlannerConfig
 from services.planner.rehearsal import rehearse
 
 __all__ = ["add_arguments", "run"]
+
+WIDTH = 120  # columns of the tables where there is no terminal
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -93,28 +96,34 @@ def _attempts(parts: Parts, peers: Sequence[Peer], asked: Sequence[Question], li
 
 def _print(figures: dict[str, Any], better: Sequence[str]) -> None:
     console = Console()
+    if not console.is_terminal:
+        console = Console(width=WIDTH)
     for kind in KINDS:
-        table = Table(title=f"{kind}: {figures['n_solvable']} questions that any planner solves, of {figures['n_questions']}")
-        for column in ("planner", "solved", "p50, ms", "p95", "p99", "worst", "times ours, p50 / p99", "length, rad", "to ours", "collide"):
-            table.add_column(column, justify="left" if column == "planner" else "right")
+        table = Table(
+            title=f"{kind}: {figures['n_solvable']} questions that any planner solves, of {figures['n_questions']}", box=SIMPLE_HEAD
+        )
+        for column in ("planner", "solved", "p50, ms", "p95, ms", "p99, ms", "worst, ms", "x p50", "x p99", "rad", "to ours", "collide"):
+            table.add_column(column, justify="left" if column == "planner" else "right", no_wrap=True)
         for name, kinds in figures["planners"].items():
             table.add_row(name, *_cells(name, kinds[kind]))
         console.print(table)
-    console.print("Failures count at the limit. Length: median; to ours: median of theirs / ours where both have a path.")
+    console.print(
+        "Failures count at the limit. x: their time as a multiple of ours. rad: median length; to ours: median of theirs / ours where both "
+        "have a path. Raw: as found, joined to start and goal. Smoothed: ours timed and looked at again, theirs simplified."
+    )
     console.print("Where others are better than ours:" if better else "No peer is better than ours in anything measured here.")
     for line in better:
         console.print(f"  {line}", highlight=False)
 
 
 def _cells(name: str, row: dict[str, Any]) -> list[str]:
-    times = row["time_ms"] or {}
-    ratio = row.get("times_ours")
+    times, ratio, length = row["time_ms"], row.get("times_ours"), row["length_to_ours"]
     return [
         f"{row['n_solved']}",
         *(f"{times[key]:.1f}" if times else "–" for key in ("p50", "p95", "p99", "worst")),
-        "" if name == OURS or ratio is None else f"{ratio['p50']:.1f} / {ratio['p99']:.1f}",
+        *(f"{ratio[key]:.1f}" if ratio else "" for key in ("p50", "p99")),
         "–" if row["length_rad_median"] is None else f"{row['length_rad_median']:.2f}",
-        "" if name == OURS or row["length_to_ours"] is None else f"{row['length_to_ours']['median']:.3f}",
+        "" if name == OURS or length is None else f"{length['median']:.3f}",
         f"{row['collisions']}",
     ]
 

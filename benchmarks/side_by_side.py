@@ -1,11 +1,13 @@
 """Ours beside a planner of others on the same questions: attempts, their figures, and where the other is better.
 
-Raw is a path: ours found on the map and looked at as exactly as what is sent, theirs as their search gives it. Smoothed is ours after
-smoothing, timing and the exact look, theirs after their own simplification; they time nothing. Taking in the changed cells counts.
+Raw is a path joined to start and goal as the search gives it, ours by the map, whose edges were looked at when its table was made, theirs
+looked at on the way. Smoothed is ours after smoothing, timing and the exact look at the very curve, theirs after their own simplification;
+they time nothing. Taking in the changed cells counts.
 """
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -14,12 +16,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from benchmarks.judging import Case, Shown, collisions
-from benchmarks.paper.ask import Variant, answer
+from benchmarks.paper.ask import Variant, answer, find
 from benchmarks.peers.peer import Peer, path_length_rad
 from benchmarks.questions import Question
 from common.cell import CellConfig
 from services.planner.assemble import Parts
+from services.planner.core.found import FoundPath
+from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import MotionPlanner
+from services.planner.core.world import World
 
 __all__ = ["KINDS", "OURS", "Attempt", "ask_ours", "ask_peer", "better_than_ours", "figures_of", "judged"]
 
@@ -44,12 +49,16 @@ class Attempt:
 
 def ask_ours(parts: Parts, planner: MotionPlanner, question: Question) -> list[Attempt]:
     """Our raw path and our motion, as configured (rules, search), each from an empty world on."""
-    attempts = []
-    for kind in KINDS:
-        got = answer(parts, planner, question, Variant(parts.config.model, parts.config.search, kind == "smoothed", parts.config.rules))
-        timing_ms = got.ms.get("time", 0.0) if kind == "raw" else 0.0  # a raw path has no times
-        attempts.append(Attempt(OURS, kind, question.index, got.path_rad if got.solved else None, got.ms["total"] - timing_ms))
-    return attempts
+    config, counts = parts.config, BlockedCounts(parts.roadmap.table, parts.roadmap.n_neurons, parts.roadmap.n_edges)
+    began_ns = time.perf_counter_ns()
+    counts.set_cells(question.cells)
+    found = find(parts, planner.finder, World.of(parts.grid, counts), question, config.rules, config.search)
+    raw_ms = (time.perf_counter_ns() - began_ns) / 1e6
+    got = answer(parts, planner, question, Variant(config.model, config.search, True, config.rules))
+    return [
+        Attempt(OURS, "raw", question.index, found.q_rad if isinstance(found, FoundPath) else None, raw_ms),
+        Attempt(OURS, "smoothed", question.index, got.path_rad if got.solved else None, got.ms["total"]),
+    ]
 
 
 def ask_peer(peer: Peer, question: Question, limit_s: float, seed: int) -> list[Attempt]:

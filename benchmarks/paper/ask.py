@@ -12,12 +12,14 @@ from numpy.typing import NDArray
 from benchmarks.questions import Question
 from common.errors import RequestError
 from services.planner.assemble import Parts
-from services.planner.core.find import SEARCHES, Rules
+from services.planner.core.find import SEARCHES, PathFinder, Rules
+from services.planner.core.found import FoundPath, NotFound
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
+from services.planner.core.way_out import route_of
 from services.planner.core.world import World
 
-__all__ = ["ALGORITHMS", "RULES", "Answer", "Variant", "answer", "dense", "variants"]
+__all__ = ["ALGORITHMS", "RULES", "Answer", "Variant", "answer", "dense", "find", "variants"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -96,6 +98,15 @@ def answer(parts: Parts, planner: MotionPlanner, question: Question, variant: Va
         return Answer(False, motion.outcome, np.empty(0, dtype=np.int32), nothing, nothing, float("nan"), False, watch.ms)
     driven = dense(motion) if variant.smooth else motion.path.q_rad
     return Answer(True, "solved", motion.path.neurons, motion.path.q_rad, driven, _length(driven), motion.fell_back, watch.ms)
+
+
+def find(parts: Parts, finder: PathFinder, world: World, question: Question, rules: Rules, search: str) -> FoundPath | NotFound:
+    """The search alone: the path joined to start and goal, as it is first found."""
+    if rules == "paper":
+        return finder.find_paper(world, question.q_start, question.q_goal, search)
+    limits = (parts.robot.position_min_rad, parts.robot.position_max_rad)
+    route = route_of(finder, world, question.q_start, question.q_goal, search, limits)
+    return route if isinstance(route, NotFound) else route.find()
 
 
 def dense(motion: Motion) -> Any:

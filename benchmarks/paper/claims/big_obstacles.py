@@ -10,16 +10,15 @@ from numpy.typing import NDArray
 from scipy.stats import binomtest
 
 from benchmarks.paper import words
-from benchmarks.paper.ask import RULES
+from benchmarks.paper.ask import RULES, find
 from benchmarks.paper.outcome import HOLDS, NOT, NOT_AT_HAND, UNDECIDED, Holds, Outcome, Table, Verdict
 from benchmarks.paper.stats import percentile, share
 from benchmarks.paper.study import MODELS, Study
 from benchmarks.questions import Question
 from services.planner.core.check import Checker
 from services.planner.core.find import PathFinder, Rules
-from services.planner.core.found import FoundPath, NotFound
+from services.planner.core.found import FoundPath
 from services.planner.core.lookup import BlockedCounts
-from services.planner.core.way_out import route_of
 from services.planner.core.world import World, cells_of
 from services.planner.kernels.collision import FREE
 from services.planner.offline.regions import box_cells
@@ -90,22 +89,13 @@ def _scene(study: Study, finders: dict[str, PathFinder], question: Question) -> 
             blocked = counts.n_blocked / roadmap.n_neurons
             world = World.of(parts.grid, counts)
             for rules in list(open_rules):
-                found = _find(study, finder, world, question, rules)
+                found = find(parts, finder, world, question, rules, "dijkstra")
                 if not isinstance(found, FoundPath):
                     falls.append(Fall(question.index, rules, model, edge_m, blocked, found.outcome))
                     open_rules.remove(rules)
         last = cubes[-1][0] if cubes else 0.0
         falls += [Fall(question.index, rules, model, last, blocked, "") for rules in open_rules]
     return falls
-
-
-def _find(study: Study, finder: PathFinder, world: World, question: Question, rules: Rules) -> FoundPath | NotFound:
-    if rules == "paper":
-        return finder.find_paper(world, question.q_start, question.q_goal, "dijkstra")
-    robot = study.gng.robot
-    limits = (robot.position_min_rad, robot.position_max_rad)
-    route = route_of(finder, world, question.q_start, question.q_goal, "dijkstra", limits)
-    return route if isinstance(route, NotFound) else route.find()
 
 
 def _cubes(study: Study, question: Question, checker: Checker) -> list[tuple[float, I32]]:
