@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         nargs="+",
         default=[],
         metavar="FILE",
-        help="keep the map and let it grow on these motions too ([planner.extend]); a gas only: a SOM cannot be extended",
+        help="keep the map and let it grow on these motions too (by planner.extend.n_added neurons); a gas only, a SOM cannot",
     )
     parser.epilog = """A map made with --motions or --extend is another map: a stack takes it when its config names the same files,
     tolman up --set 'planner.taught=["FILE"]' or --set 'planner.extend.motions=["FILE"]'."""
