@@ -31,6 +31,7 @@ SAMPLES_A_NEURON = 5  # as for the shipped map: 50 000 samples for 10 000 neuron
 GENERAL_SHARE = 6  # neurons for each general motion; our choice, as many samples a motion as the task has
 ATTEMPTS = 50
 BY_CHANCE, FEWEST = 0.05, 10  # a p below is no chance; fewer questions decide nothing
+COARSER = 1.1  # times the error from which on it is said; our choice
 INTRO = (
     "General motions: RRTConnect between random free joint vectors, without obstacles. Task motions: those of the shipped map, from bin "
     "to bin. A gas of {n} neurons learns the general ones; *extended*: it then sees the task's motions and grows by {n} neurons; *from "
@@ -202,4 +203,9 @@ def verdict_on(learned: Sequence[Learned]) -> Verdict:
         "*Holds* means: faster than training anew on both, nothing of the old task lost beyond chance, and more of the new one solved "
         "beyond chance (McNemar's exact test on the same questions)."
     )
+    if extended.general_error_rad > COARSER * base.general_error_rad:
+        word += (
+            f" It is not for nothing: the extended map is {extended.general_error_rad / base.general_error_rad:.1f} times as coarse on the "
+            f"general motions as before (from scratch on both: {scratch.general_error_rad / base.general_error_rad:.1f} times)."
+        )
     return Verdict("A gas can be extended by a new task", NOT_AT_HAND, said, holds, word, details)

@@ -24,7 +24,7 @@ SMOOTHING = ("smooth", "verify")  # the paper's smoothing includes looking wheth
 INTRO = (
     "GNG, Dijkstra, smoothed, on {n} scenes; milliseconds by stage. The paper's step of smoothing includes the look at the smoothed path "
     "(*verify*); timing within limits is no step of the paper and stands for itself. By our rules rounding a corner is itself a search "
-    "for what is free, so *smooth* holds most of the looks."
+    "for what is free, so *smooth* holds looks as well."
 )
 
 

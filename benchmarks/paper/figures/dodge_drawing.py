@@ -40,5 +40,6 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
         draw_into(axes, photo, series.arm, series.fixed)
         for collection in axes.collections:
             collection.set_rasterized(True)  # tens of thousands of triangles: no vectors
-        axes.text2D(0.17, 0.8, f"{at_s:+.2f} s", transform=axes.transAxes, fontsize=12)
+        label = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 2.0}  # a way may pass behind it
+        axes.text2D(0.17, 0.8, f"{at_s:+.2f} s", transform=axes.transAxes, fontsize=12, zorder=100, bbox=label)
     return [save(drawing, folder, "dodge", CAPTION)]
