@@ -16,6 +16,7 @@ __all__ = ["draw"]
 
 COLUMNS = 3
 OVERLAP = 0.06  # of the drawing's width or height, by which neighbouring photos overlap: 3-D axes leave wide margins
+LABEL_AT = (0.05, 0.165)  # of a photo's axes: in front of the table, where no way leads
 CAPTION = (
     "One dodge in the running stack: cells seen by the cameras yellow, planned path green, driven path cyan; seconds after the new way "
     "came."
@@ -40,6 +41,5 @@ def draw(outcome: Outcome, folder: Path) -> Sequence[Figure]:
         draw_into(axes, photo, series.arm, series.fixed)
         for collection in axes.collections:
             collection.set_rasterized(True)  # tens of thousands of triangles: no vectors
-        label = {"facecolor": "white", "edgecolor": "none", "alpha": 0.85, "pad": 2.0}  # a way may pass behind it
-        axes.text2D(0.17, 0.8, f"{at_s:+.2f} s", transform=axes.transAxes, fontsize=12, zorder=100, bbox=label)
+        axes.text2D(*LABEL_AT, f"{at_s:+.2f} s", transform=axes.transAxes, fontsize=12)
     return [save(drawing, folder, "dodge", CAPTION)]
