@@ -60,8 +60,7 @@ class RobotSimConfig(Strict, frozen=True):
     scene_hz: Positive = 30.0  # protocol: robot/scene
     clearance_hz: Positive = 25.0  # our choice: at 0.25 m/s a hand moves 1 cm between two looks
     clearance_reach_m: Positive = 0.3  # our choice: farther things are not looked at but on robot/clearance
-    politeness_gap_m: Annotated[float, Meta(ge=0)] = 0.03  # design: hands wait 3 cm from an arm that stands
-    reaction_s: Annotated[float, Meta(ge=0)] = 0.2  # ... and go on when they saw it move: simple reaction to something seen (Welford 1980)
+    politeness_gap_m: Annotated[float, Meta(ge=0)] = 0.03  # design: hands wait 3 cm from an arm that stands, until there is room
     standing_rad_s: Positive = 0.02  # protocol: terms
     contact_gap_s: Positive = 0.5  # protocol: terms
     caused_speed_m_s: Positive = 0.01  # protocol: terms
