@@ -41,7 +41,7 @@ from services.robot_sim.core.executor import Cause, Executor
 from services.robot_sim.core.guiding import guided_curve
 from services.robot_sim.core.hand import HandPoint
 from services.robot_sim.core.limits import Limits
-from services.robot_sim.core.obstacles import Obstacles, Thing
+from services.robot_sim.core.obstacles import Manners, Obstacles, Thing
 from services.robot_sim.core.pacer import Pacer
 from services.robot_sim.core.scripts import Pose
 from services.robot_sim.core.watchdog import Watchdog
@@ -198,12 +198,13 @@ class RobotSim:
     def _move_obstacles(self) -> None:
         assert self._world is not None
         dt_s = self._pacer.period_ns / 1e9
-        for thing in self._obstacles.step(dt_s, self._gap_m, self._config.politeness_gap_m, self._is_told_to_stand):
+        manners = Manners(self._config.politeness_gap_m, self._config.politeness_room_m)
+        for thing in self._obstacles.step(dt_s, self._gap_m, manners, self._is_told_to_stand):
             self._world.place(thing.id, thing.pose)
 
     def _gap_m(self, thing: Thing, pose: Pose) -> float:
         assert self._world is not None
-        return self._world.gap_m(thing.id, pose, self._config.politeness_gap_m)
+        return self._world.gap_m(thing.id, pose, self._config.politeness_room_m)
 
     def _publish_state(self, at_ns: int, q: F64, dq: F64, q_reference: F64, dq_reference: F64) -> None:
         status = self._executor.status()

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.errors import RequestError
 from services.robot_sim.core.scripts import Drift, Leg, Pose, Script
 
-__all__ = ["Obstacles", "Thing", "Waypoint", "pose_of"]
+__all__ = ["Manners", "Obstacles", "Thing", "Waypoint", "pose_of"]
 
 F64 = NDArray[np.float64]
 Shape = Literal["box", "sphere", "cylinder", "capsule"]
@@ -48,6 +48,14 @@ class Waypoint:
     quaternion_xyzw: Sequence[float] | None
     speed_m_s: float
     rest_s: float
+
+
+@dataclass(frozen=True)
+class Manners:
+    """An obstacle comes no nearer than ``gap_m`` to an arm that stands; once it waits, it goes on when there is ``room_m``."""
+
+    gap_m: float
+    room_m: float
 
 
 class Obstacles:
@@ -135,14 +143,13 @@ class Obstacles:
             raise RequestError(f"there is no obstacle {id!r}", code="unknown_id", facts={"id": id})
         return self._things[id]
 
-    def step(self, dt_s: float, gap_m: Callable[[Thing, Pose], float], polite_gap_m: float, arm_stands: bool) -> list[Thing]:
+    def step(self, dt_s: float, gap_m: Callable[[Thing, Pose], float], manners: Manners, arm_stands: bool) -> list[Thing]:
         """Move those that move, and return them.
 
         Args:
             dt_s: time that passes.
-            gap_m: distance between the arm and an obstacle at a pose.
-            polite_gap_m: a standing arm is not approached nearer than this: the obstacle waits, its script stands still. Who waits goes
-                on when a step brings it no nearer than that any more: when the arm has moved away, not as soon as it moves.
+            gap_m: distance between the arm and an obstacle at a pose, exact up to ``manners.room_m``.
+            manners: how a standing arm is approached: who waits stays where it is, and its script stands still.
             arm_stands: an arm that moves is approached by all that do not wait already.
         """
         moved = []
@@ -150,7 +157,8 @@ class Obstacles:
             if thing.motion is None:
                 continue
             motion, pose, velocity = thing.motion.step(thing.pose, dt_s)
-            if (arm_stands or thing.waits) and _rude(gap_m, thing, pose, polite_gap_m):
+            polite_gap_m = manners.room_m if thing.waits else manners.gap_m
+            if (arm_stands or thing.waits) and _approaches(gap_m, thing, pose, polite_gap_m):
                 moved.append(self._put(replace(thing, velocity_m_s=np.zeros(3), waits=True)))
                 continue
             moved.append(self._put(replace(thing, pose=pose, velocity_m_s=velocity, motion=motion, waits=False)))
@@ -196,6 +204,6 @@ def _drift(velocity_m_s: Sequence[float] | None) -> tuple[F64, Drift | None]:
     return velocity, Drift(velocity) if velocity.any() else None
 
 
-def _rude(gap_m: Callable[[Thing, Pose], float], thing: Thing, pose: Pose, polite_gap_m: float) -> bool:
+def _approaches(gap_m: Callable[[Thing, Pose], float], thing: Thing, pose: Pose, polite_gap_m: float) -> bool:
     gap_next_m = gap_m(thing, pose)
     return gap_next_m < polite_gap_m and gap_next_m < gap_m(thing, thing.pose) - LEAST_APPROACH_M
