@@ -33,7 +33,8 @@ class PairTables(NamedTuple):
 
 def build_pair_tables(chain: Chain, grids: BodyGrids, pairs: I64) -> PairTables:
     """Tables of all ``pairs`` (P, 2) whose bodies are two turning joints apart."""
-    table, first_joint, tables = np.full(len(pairs), NO_TABLE, dtype=np.int64), np.zeros(len(pairs), dtype=np.int64), []
+    table, first_joint = np.full(len(pairs), NO_TABLE, dtype=np.int64), np.zeros(len(pairs), dtype=np.int64)
+    tables: list[NDArray[np.float32]] = []
     for p, (a, b) in enumerate(pairs):
         near, far = sorted((int(grids.body_joint[a]), int(grids.body_joint[b])))
         if far - near != 2 or chain.prismatic[near:far].any():

@@ -36,7 +36,6 @@ __all__ = [
     "body_cell_gap",
     "cell_touches_body",
     "cells_that_hit",
-    "displacement_m",
     "farthest_m",
     "frames_verdict",
     "no_slack",
@@ -294,26 +293,3 @@ def pose_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation):  #
 def pose_is_free(arm, solids, cells, safety_m, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
     """Whether ``q_rad`` (J,) hits nothing; arguments as :func:`pose_verdict`."""
     return pose_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation)[0] == FREE
-
-
-@njit(cache=True, nogil=True)
-def displacement_m(arm, b, rotation_a, translation_a, rotation_b, translation_b):  # type: ignore[no-untyped-def]
-    """Farthest in metres that any point of body ``b`` is apart in two poses, given by their frames.
-
-    A body's points are mapped by one affine map, so none moves farther than the farthest corner of the body's box.
-    """
-    grids = arm.grids
-    low, high = grids.box_min_m, grids.box_max_m
-    j = grids.body_joint[b]
-    ra, ta, rb, tb = rotation_a[j], translation_a[j], rotation_b[j], translation_b[j]
-    largest2 = 0.0
-    for corner in range(8):
-        x = high[b, 0] if corner & 1 else low[b, 0]
-        y = high[b, 1] if corner & 2 else low[b, 1]
-        z = high[b, 2] if corner & 4 else low[b, 2]
-        d2 = 0.0
-        for r in range(3):
-            d = tb[r] - ta[r] + (rb[r, 0] - ra[r, 0]) * x + (rb[r, 1] - ra[r, 1]) * y + (rb[r, 2] - ra[r, 2]) * z
-            d2 += d * d
-        largest2 = max(largest2, d2)
-    return math.sqrt(largest2)

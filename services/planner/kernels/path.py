@@ -9,7 +9,7 @@ from numba import njit
 
 from common.robot.kernels import FAR, body_grid, forward_kinematics, look_up, to_joint_frame
 from services.planner.kernels.collision import FREE, farthest_m, no_slack, pose_hits_cell, way_verdict
-from services.planner.kernels.lookup import segment_steps
+from services.planner.kernels.moves import segment_steps
 
 __all__ = ["cells_distance", "curve_verdict", "first_blocked", "leaves", "nearest_free", "segment_verdict"]
 

@@ -10,14 +10,12 @@ Twin: every pose of the finest step by itself (``tests/unit/planner/test_way.py`
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numba import njit
 
 from common.robot.kernels import forward_kinematics
-from services.planner.kernels.collision import body_cell_gap, farthest_m, pair_gap, tabled_gap
-from services.planner.kernels.lookup import segment_moves
+from services.planner.kernels.collision import body_cell_gap, pair_gap, tabled_gap
+from services.planner.kernels.moves import parabola_moves, segment_moves
 from services.planner.kernels.static_layer import body_static_gap
 
 __all__ = ["line_is_free", "parabola_is_free"]
@@ -43,16 +41,14 @@ def parabola_is_free(arm, solids, cells, safety_m, step_m, q_a, leg_in, leg_out)
     The quadratic Bezier curve with control points q_a, q_a + leg_in, q_a + leg_in + leg_out.
     """
     n_joints, n_bodies = len(q_a), len(arm.moving)
-    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
-    turned, slope, bend = np.empty(n_joints), np.empty(n_joints), np.empty(n_joints)
+    rotation, translation = np.empty((2, n_joints + 1, 3, 3)), np.empty((2, n_joints + 1, 3))
+    turned, slope, bend, body_m = np.empty(n_joints), np.empty(n_joints), np.empty(n_joints), np.empty(n_bodies)
+    n_steps = parabola_moves(arm, q_a, leg_in, leg_out, step_m, body_m, rotation, translation)
     for j in range(n_joints):
-        turned[j] = 2.0 * max(abs(leg_in[j]), abs(leg_out[j]))  # no joint turns faster than twice the longer leg
         slope[j], bend[j] = 2.0 * leg_in[j], leg_out[j] - leg_in[j]
-    n_steps = max(1, math.ceil(farthest_m(arm, turned) / step_m))
-    for j in range(n_joints):
-        turned[j] /= n_steps
-    moved = _most_moved(arm, turned, np.full(n_bodies, step_m))
-    return _is_free(arm, solids, cells, safety_m, q_a, slope, bend, n_steps, moved, rotation, translation)
+        turned[j] = 2.0 * max(abs(leg_in[j]), abs(leg_out[j])) / n_steps  # no joint turns faster than twice the longer leg
+    moved = _most_moved(arm, turned, body_m)
+    return _is_free(arm, solids, cells, safety_m, q_a, slope, bend, n_steps, moved, rotation[0], translation[0])
 
 
 @njit(cache=True, nogil=True)

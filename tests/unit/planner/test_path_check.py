@@ -6,7 +6,7 @@ import pytest
 from common.robot.trajectory import JointTrajectory
 from services.planner.core.world import cells_of, no_cells
 from services.planner.kernels.collision import FREE, HIT_CELL
-from services.planner.kernels.lookup import segment_steps
+from services.planner.kernels.moves import segment_steps
 from services.planner.kernels.path import _hermite, nearest_free
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from services.planner.core.arm import body_levers, solids_of
 from services.planner.core.world import cells_of
 from services.planner.kernels.collision import FREE, HIT_CELL, frames_verdict, no_slack, pose_verdict, way_verdict
-from services.planner.kernels.lookup import segment_steps
+from services.planner.kernels.moves import segment_steps
 from services.planner.kernels.static_layer import _field_at, body_static_gap, solid_distance
 from tests.support.cell import ur3_cell
 from tests.support.exact import cube_distance_m

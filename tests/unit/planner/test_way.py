@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from services.planner.core.world import cells_of
-from services.planner.kernels.collision import FREE, HIT_CELL, farthest_m
-from services.planner.kernels.lookup import segment_moves
+from services.planner.kernels.collision import FREE, HIT_CELL
+from services.planner.kernels.moves import parabola_moves, segment_moves
 from services.planner.kernels.way import line_is_free, parabola_is_free
 from tests.support.exact import cube_distance_m
 
@@ -55,10 +55,11 @@ def test_a_line_is_free_as_its_poses_are(bench, seed):
 @pytest.mark.parametrize("seed", range(3))
 def test_a_parabola_is_free_as_its_poses_are(bench, seed):
     rng, c = np.random.default_rng(100 + seed), bench.checker
+    R, T = np.empty((2, 7, 3, 3)), np.empty((2, 7, 3))
     free = same = 0
     for _ in range(40):
         a, (leg_in, leg_out), cells = _case(bench, rng)
-        n = max(1, int(np.ceil(farthest_m(c.arm, 2 * np.maximum(np.abs(leg_in), np.abs(leg_out))) / STEP_M)))
+        n = parabola_moves(c.arm, a, leg_in, leg_out, STEP_M, np.empty(len(c.arm.moving)), R, T)
         u = np.linspace(0, 1, n + 1)[:, None]
         is_free = parabola_is_free(c.arm, c.solids, cells, c.safety_m, STEP_M, a, leg_in, leg_out)
         same += _agree(bench, cells, a + 2 * u * (1 - u) * leg_in + u**2 * (leg_in + leg_out), is_free)
@@ -70,13 +71,19 @@ def test_a_parabola_is_free_as_its_poses_are(bench, seed):
 def test_no_body_outruns_what_it_is_said_to_move(bench):
     rng, c = np.random.default_rng(5), bench.checker
     R, T = np.empty((2, 7, 3, 3)), np.empty((2, 7, 3))
-    for _ in range(20):
-        a, leg = bench.free_rad[rng.integers(len(bench.free_rad))], rng.normal(scale=0.3, size=6)
-        body_m = np.empty(len(c.arm.moving))
-        n = segment_moves(c.arm, a, leg, STEP_M, body_m, R, T)
-        frames = bench.robot.joint_poses(a + np.linspace(0, 1, n + 1)[:, None] * leg)
+    for k in range(40):
+        a, body_m = bench.free_rad[rng.integers(len(bench.free_rad))], np.empty(len(c.arm.moving))
+        leg, other = rng.normal(scale=0.3, size=(2, 6))
+        if k % 2:
+            n = segment_moves(c.arm, a, leg, STEP_M, body_m, R, T)
+            poses = a + np.linspace(0, 1, n + 1)[:, None] * leg
+        else:
+            n = parabola_moves(c.arm, a, leg, other, STEP_M, body_m, R, T)
+            u = np.linspace(0, 1, n + 1)[:, None]
+            poses = a + 2 * u * (1 - u) * leg + u**2 * (leg + other)
+        frames = bench.robot.joint_poses(poses)
         for b, body in enumerate(bench.robot.bodies):
             places = np.einsum("krc,vc->kvr", frames[:, body.joint, :3, :3], body.vertices[::10]) + frames[:, body.joint, None, :3, 3]
             moved = np.linalg.norm(np.diff(places, axis=0), axis=2).max()
             assert not c.arm.moving[b] or moved <= body_m[b] + 1e-9
-        assert body_m.max() <= STEP_M
+        assert body_m.max() <= STEP_M + 1e-12
