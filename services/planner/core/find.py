@@ -13,7 +13,7 @@ from services.planner.core.found import FoundPath, NotFound, path_length
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import World
 from services.planner.kernels.connect import ASTAR, BIDIRECTIONAL, DIJKSTRA, WAVEFRONT, Ends, Scratch, best_way, connect, join_ends
-from services.planner.kernels.path import nearest_free
+from services.planner.kernels.neuron_index import nearest_free
 from services.planner.kernels.search import NOT_FOUND
 from services.planner.kernels.shorten import cut_corners
 
@@ -105,7 +105,7 @@ class PathFinder:
     def nearest(self, blocked: I32, q: F64, k: int = N_CONNECTIONS) -> tuple[I32, F64]:
         """The ``k`` nearest neurons of ``q`` (J,) whose count in ``blocked`` (N,) is zero, nearest first, and their distances in rad."""
         index, distance = np.empty(k, dtype=np.int32), np.empty(k)
-        n = nearest_free(self.roadmap.neurons_rad, blocked, q, index, distance)
+        n = nearest_free(self.roadmap.graph.index, blocked, q, index, distance)
         return index[:n], distance[:n]
 
     def search(

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from services.planner.kernels.bidirectional import both_ends
 from services.planner.kernels.collision import FREE, pose_verdict
-from services.planner.kernels.path import nearest_free
+from services.planner.kernels.neuron_index import NeuronIndex, nearest_free
 from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
 from services.planner.kernels.way import line_is_free
 
@@ -58,6 +58,7 @@ class Graph(NamedTuple):
     adj_node: I32  # (2 M,)
     adj_edge: I32  # (2 M,)
     adj_length: F64  # (2 M,) rad
+    index: NeuronIndex
 
 
 class Ends(NamedTuple):
@@ -107,8 +108,8 @@ def best_way(kind, graph, node_count, edge_count, start, start_cost, goal, goal_
 @njit(cache=True, nogil=True)
 def join_ends(graph, node_count, q_start, q_goal, ends):  # type: ignore[no-untyped-def]
     """Fill ``ends`` with the nearest unblocked neurons of both ends; nothing is known of the connections."""
-    ends.n[START] = nearest_free(graph.neurons_rad, node_count, q_start, ends.neuron[START], ends.cost[START])
-    ends.n[GOAL] = nearest_free(graph.neurons_rad, node_count, q_goal, ends.neuron[GOAL], ends.cost[GOAL])
+    ends.n[START] = nearest_free(graph.index, node_count, q_start, ends.neuron[START], ends.cost[START])
+    ends.n[GOAL] = nearest_free(graph.index, node_count, q_goal, ends.neuron[GOAL], ends.cost[GOAL])
     ends.known[:] = UNKNOWN
 
 
