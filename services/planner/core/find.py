@@ -105,7 +105,7 @@ class PathFinder:
     def nearest(self, blocked: I32, q: F64, k: int = N_CONNECTIONS) -> tuple[I32, F64]:
         """The ``k`` nearest neurons of ``q`` (J,) whose count in ``blocked`` (N,) is zero, nearest first, and their distances in rad."""
         index, distance = np.empty(k, dtype=np.int32), np.empty(k)
-        n = nearest_free(self.roadmap.graph.index, blocked, q, index, distance)
+        n = nearest_free(self.roadmap.index, blocked, q, index, distance)
         return index[:n], distance[:n]
 
     def search(

@@ -58,7 +58,7 @@ class Graph(NamedTuple):
     adj_node: I32  # (2 M,)
     adj_edge: I32  # (2 M,)
     adj_length: F64  # (2 M,) rad
-    index: NeuronIndex
+    near: NeuronIndex
 
 
 class Ends(NamedTuple):
@@ -108,8 +108,8 @@ def best_way(kind, graph, node_count, edge_count, start, start_cost, goal, goal_
 @njit(cache=True, nogil=True)
 def join_ends(graph, node_count, q_start, q_goal, ends):  # type: ignore[no-untyped-def]
     """Fill ``ends`` with the nearest unblocked neurons of both ends; nothing is known of the connections."""
-    ends.n[START] = nearest_free(graph.index, node_count, q_start, ends.neuron[START], ends.cost[START])
-    ends.n[GOAL] = nearest_free(graph.index, node_count, q_goal, ends.neuron[GOAL], ends.cost[GOAL])
+    ends.n[START] = nearest_free(graph.near, node_count, q_start, ends.neuron[START], ends.cost[START])
+    ends.n[GOAL] = nearest_free(graph.near, node_count, q_goal, ends.neuron[GOAL], ends.cost[GOAL])
     ends.known[:] = UNKNOWN
 
 
