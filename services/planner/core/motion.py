@@ -232,13 +232,14 @@ class MotionPlanner:
         self, world: World, ask: Ask, found: FoundPath, pieces: Pieces, velocity: F64 | None, limits: Limits, watch: Stopwatch
     ) -> Motion | None:
         """The smoothest NURBS whose best matches are free (section IV)."""
+        began = watch.clock_ns()
         for curve in candidates(pieces.q_rad, lead_in=velocity is not None):
-            began = watch.clock_ns()
+            began = watch.add("smooth", began)
             timed = time_curve(curve, limits, velocity)
             began = watch.add("time", began)
             points = curve(np.linspace(0.0, 1.0, max(2, 4 * len(found.q_rad))))
             free = timed is not None and all(world.counts.node[self.finder.best_match(q)] == 0 for q in points)
-            watch.add("verify", began)
+            began = watch.add("verify", began)
             if timed is not None and free:
                 return Motion(timed, found, curve.name, _length(timed), False)
         return None
