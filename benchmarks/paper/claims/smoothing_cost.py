@@ -18,7 +18,7 @@ EXPLAINED = {
     "search": "start and goal joined, graph search",
     "smooth": "paper's rules: NURBS; ours: corners cut, then rounded one by one as far as the arm stays free",
     "time": "timed within joint limits",
-    "verify": "smoothed path looked at (paper's rules: its best matches; ours: what a hand could do; the path was looked at as it was rounded)",
+    "verify": "smoothed path looked at (paper's rules: its best matches; ours: what a hand could do; the rest was looked at before)",
 }
 SMOOTHING = ("smooth", "verify")  # the paper's smoothing includes looking whether the smoothed path is free
 INTRO = (
