@@ -26,8 +26,8 @@ INTRO = (
     "each corner). By the paper's rules start and goal snap to their best matches, neurons alone are blocked, and the path is smoothed "
     "by a NURBS, from very smooth down until its best matches are free; if none is (*rejected*), the raw path is driven. By our rules "
     "(`checked`) start and goal are joined by checked ways, edges are blocked too, corners are cut and then rounded one by one as far as "
-    "the arm stays free (one that cannot be is stopped at: *with a stop*), and the very curve that would be driven is checked. The second "
-    "table puts {scenes} scenes to each; its last column is coal's word at steps of 1/256 rad, on true shapes, without any margin."
+    "the arm stays free (one that cannot be is stopped at: *with a stop*), and what would be driven was looked at piece by piece. The "
+    "second table puts {scenes} scenes to each; its last column is coal's word at steps of 1/256 rad, on true shapes, without any margin."
 )
 
 

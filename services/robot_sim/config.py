@@ -60,8 +60,8 @@ class RobotSimConfig(Strict, frozen=True):
     scene_hz: Positive = 30.0  # protocol: robot/scene
     clearance_hz: Positive = 25.0  # our choice: at 0.25 m/s a hand moves 1 cm between two looks
     clearance_reach_m: Positive = 0.3  # our choice: farther things are not looked at but on robot/clearance
-    politeness_gap_m: Annotated[float, Meta(ge=0)] = 0.03  # design: hands wait 3 cm from an arm that stands
-    reaction_s: Annotated[float, Meta(ge=0)] = 0.2  # ... and go on when they saw it move: simple reaction to something seen (Welford 1980)
+    politeness_gap_m: Annotated[float, Meta(ge=0)] = 0.03  # design: hands wait 3 cm from an arm that stands ...
+    politeness_room_m: Annotated[float, Meta(ge=0)] = 0.10  # ... until it has gone so far, not as soon as it starts; our choice
     standing_rad_s: Positive = 0.02  # protocol: terms
     contact_gap_s: Positive = 0.5  # protocol: terms
     caused_speed_m_s: Positive = 0.01  # protocol: terms

@@ -41,8 +41,7 @@ from services.robot_sim.core.executor import Cause, Executor
 from services.robot_sim.core.guiding import guided_curve
 from services.robot_sim.core.hand import HandPoint
 from services.robot_sim.core.limits import Limits
-from services.robot_sim.core.manners import Bystander
-from services.robot_sim.core.obstacles import Obstacles, Thing
+from services.robot_sim.core.obstacles import Manners, Obstacles, Thing
 from services.robot_sim.core.pacer import Pacer
 from services.robot_sim.core.scripts import Pose
 from services.robot_sim.core.watchdog import Watchdog
@@ -89,7 +88,7 @@ class RobotSim:
         self._pacer = Pacer(self._config.control_hz, now_ns)
         self._next_scene_ns = now_ns
         self._scene_changed = True
-        self._bystander = Bystander(self._config.standing_rad_s, self._config.reaction_s)
+        self._is_told_to_stand = True
         self._open_inboxes()
 
     def _open_inboxes(self) -> None:
@@ -168,10 +167,11 @@ class RobotSim:
         began_ns = monotonic_ns()
         before = self._executor.status().mode
         self._executor.tick(at_ns, lost)
-        self._move_obstacles(at_ns)
+        self._move_obstacles()
         q_reference, dq_reference = self._drive(at_ns)
         q, dq = self._world.joints()
-        self._bystander.look(at_ns, dq)
+        # As told, not as measured: an arm that is being pushed stands all the same, and nobody goes on pushing it.
+        self._is_told_to_stand = bool(np.abs(dq_reference).max() < self._config.standing_rad_s)
         for contact in self._monitor.after_cycle(at_ns, q, q_reference, dq_reference):
             self._tell_contact(contact)
         error = float(np.abs(q - q_reference).max())
@@ -195,16 +195,16 @@ class RobotSim:
             self._world.step(q_from, q_to)
         return references[-1]
 
-    def _move_obstacles(self, at_ns: int) -> None:
+    def _move_obstacles(self) -> None:
         assert self._world is not None
         dt_s = self._pacer.period_ns / 1e9
-        gap_m = self._gap_m if self._bystander.sees_it_stand(at_ns) else None
-        for thing in self._obstacles.step(dt_s, gap_m, self._config.politeness_gap_m):
+        manners = Manners(self._config.politeness_gap_m, self._config.politeness_room_m)
+        for thing in self._obstacles.step(dt_s, self._gap_m, manners, self._is_told_to_stand):
             self._world.place(thing.id, thing.pose)
 
     def _gap_m(self, thing: Thing, pose: Pose) -> float:
         assert self._world is not None
-        return self._world.gap_m(thing.id, pose, self._config.politeness_gap_m)
+        return self._world.gap_m(thing.id, pose, self._config.politeness_room_m)
 
     def _publish_state(self, at_ns: int, q: F64, dq: F64, q_reference: F64, dq_reference: F64) -> None:
         status = self._executor.status()

@@ -18,13 +18,13 @@ EXPLAINED = {
     "search": "start and goal joined, graph search",
     "smooth": "paper's rules: NURBS; ours: corners cut, then rounded one by one as far as the arm stays free",
     "time": "timed within joint limits",
-    "verify": "smoothed path looked at (paper's rules: its best matches; ours: the timed curve itself)",
+    "verify": "smoothed path looked at (paper's rules: its best matches; ours: what a hand could do; the rest was looked at before)",
 }
 SMOOTHING = ("smooth", "verify")  # the paper's smoothing includes looking whether the smoothed path is free
 INTRO = (
     "GNG, Dijkstra, smoothed, on {n} scenes; milliseconds by stage. The paper's step of smoothing includes the look at the smoothed path "
     "(*verify*); timing within limits is no step of the paper and stands for itself. By our rules rounding a corner is itself a search "
-    "for what is free, so *smooth* holds looks as well."
+    "for what is free, so *smooth* holds nearly all of the looks."
 )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from common.errors import RequestError
 from services.robot_sim.core.scripts import Drift, Leg, Pose, Script
 
-__all__ = ["Obstacles", "Thing", "Waypoint", "pose_of"]
+__all__ = ["Manners", "Obstacles", "Thing", "Waypoint", "pose_of"]
 
 F64 = NDArray[np.float64]
 Shape = Literal["box", "sphere", "cylinder", "capsule"]
@@ -37,6 +37,7 @@ class Thing:
     pose: Pose
     velocity_m_s: F64
     motion: Script | Drift | None = None
+    waits: bool = False  # for the arm to give it room
 
 
 @dataclass(frozen=True)
@@ -47,6 +48,14 @@ class Waypoint:
     quaternion_xyzw: Sequence[float] | None
     speed_m_s: float
     rest_s: float
+
+
+@dataclass(frozen=True)
+class Manners:
+    """An obstacle comes no nearer than ``gap_m`` to an arm that stands; once it waits, it goes on when there is ``room_m``."""
+
+    gap_m: float
+    room_m: float
 
 
 class Obstacles:
@@ -89,7 +98,7 @@ class Obstacles:
         """
         thing = self.get(id)
         velocity, motion = _drift(velocity_m_s)
-        return self._put(replace(thing, pose=pose or thing.pose, velocity_m_s=velocity, motion=motion))
+        return self._put(replace(thing, pose=pose or thing.pose, velocity_m_s=velocity, motion=motion, waits=False))
 
     def script(self, id: str, waypoints: Sequence[Waypoint], loop: bool) -> Thing:
         """Let it move along waypoints from where it is.
@@ -109,7 +118,7 @@ class Obstacles:
             if not (np.isfinite(w.rest_s) and w.rest_s >= 0.0):
                 raise RequestError(f"waypoint {i}: rest_s {w.rest_s} is not a time", facts={"id": id})
             legs.append(Leg(pose_of(w.position_m, quaternion, f"waypoint {i}"), w.speed_m_s, w.rest_s))
-        return self._put(replace(thing, motion=Script(tuple(legs), loop, thing.pose), velocity_m_s=np.zeros(3)))
+        return self._put(replace(thing, motion=Script(tuple(legs), loop, thing.pose), velocity_m_s=np.zeros(3), waits=False))
 
     def remove(self, id: str) -> None:
         """Take it away.
@@ -134,23 +143,25 @@ class Obstacles:
             raise RequestError(f"there is no obstacle {id!r}", code="unknown_id", facts={"id": id})
         return self._things[id]
 
-    def step(self, dt_s: float, gap_m: Callable[[Thing, Pose], float] | None, polite_gap_m: float) -> list[Thing]:
+    def step(self, dt_s: float, gap_m: Callable[[Thing, Pose], float], manners: Manners, arm_stands: bool) -> list[Thing]:
         """Move those that move, and return them.
 
         Args:
             dt_s: time that passes.
-            gap_m: distance between the arm and an obstacle at a pose, where the arm is seen to stand; None while it moves.
-            polite_gap_m: a standing arm is not approached nearer than this: the obstacle waits, its script stands still.
+            gap_m: distance between the arm and an obstacle at a pose, exact up to ``manners.room_m``.
+            manners: how a standing arm is approached: who waits stays where it is, and its script stands still.
+            arm_stands: an arm that moves is approached by all that do not wait already.
         """
         moved = []
         for thing in self.all():
             if thing.motion is None:
                 continue
             motion, pose, velocity = thing.motion.step(thing.pose, dt_s)
-            if gap_m is not None and _rude(gap_m, thing, pose, polite_gap_m):
-                moved.append(self._put(replace(thing, velocity_m_s=np.zeros(3))))
+            polite_gap_m = manners.room_m if thing.waits else manners.gap_m
+            if (arm_stands or thing.waits) and _approaches(gap_m, thing, pose, polite_gap_m):
+                moved.append(self._put(replace(thing, velocity_m_s=np.zeros(3), waits=True)))
                 continue
-            moved.append(self._put(replace(thing, pose=pose, velocity_m_s=velocity, motion=motion)))
+            moved.append(self._put(replace(thing, pose=pose, velocity_m_s=velocity, motion=motion, waits=False)))
         return moved
 
     def _put(self, thing: Thing) -> Thing:
@@ -193,6 +204,6 @@ def _drift(velocity_m_s: Sequence[float] | None) -> tuple[F64, Drift | None]:
     return velocity, Drift(velocity) if velocity.any() else None
 
 
-def _rude(gap_m: Callable[[Thing, Pose], float], thing: Thing, pose: Pose, polite_gap_m: float) -> bool:
+def _approaches(gap_m: Callable[[Thing, Pose], float], thing: Thing, pose: Pose, polite_gap_m: float) -> bool:
     gap_next_m = gap_m(thing, pose)
     return gap_next_m < polite_gap_m and gap_next_m < gap_m(thing, thing.pose) - LEAST_APPROACH_M

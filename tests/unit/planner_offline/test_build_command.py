@@ -26,7 +26,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache, but for the arm's distance grids, which take seconds to make."""
     kept = tmp_path / "tolman"
     kept.mkdir()
-    shutil.copy(cache_dir() / f"bodies-{ur3().fingerprint}.npz", kept)
+    shutil.copy(cache_dir() / f"geometry-{ur3().fingerprint}.npz", kept)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     return kept
 

@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 from common.errors import RequestError
-from services.robot_sim.core.obstacles import Obstacles, Waypoint, pose_of
+from services.robot_sim.core.obstacles import Manners, Obstacles, Waypoint, pose_of
 from services.robot_sim.core.scripts import Pose
 
 ORIGIN = pose_of([0.0, 0.0, 0.0], None, "test")
 DT = 0.008
+MANNERS = Manners(gap_m=0.03, room_m=0.1)
 
 
 def book(*, max_obstacles: int = 8) -> Obstacles:
@@ -19,9 +20,13 @@ def book(*, max_obstacles: int = 8) -> Obstacles:
     return obstacles
 
 
-def run(obstacles: Obstacles, seconds: float, gap_m=None) -> None:
+def far(_thing, _pose: Pose) -> float:
+    return 1.0
+
+
+def run(obstacles: Obstacles, seconds: float, gap_m=far, *, arm_stands: bool = True) -> None:
     for _ in range(round(seconds / DT)):
-        obstacles.step(DT, gap_m, 0.03)
+        obstacles.step(DT, gap_m, MANNERS, arm_stands)
 
 
 def x_of(obstacles: Obstacles) -> float:
@@ -59,7 +64,7 @@ def test_velocity_is_the_true_one() -> None:
     obstacles.script("hand", [Waypoint([1, 2, 0], None, 0.5, 0.2), Waypoint([0, 0, 1], None, 1.0, 0.2)], True)
     for _ in range(2000):
         before = obstacles.get("hand")
-        obstacles.step(DT, None, 0.03)
+        obstacles.step(DT, far, MANNERS, False)
         after = obstacles.get("hand")
         if np.array_equal(before.velocity_m_s, after.velocity_m_s):
             moved = (after.pose.position_m - before.pose.position_m) / DT
@@ -93,6 +98,25 @@ def test_waits_three_centimetres_from_a_standing_arm_and_goes_on_when_there_is_r
     arm_x[0] = x_of(obstacles) - 0.01  # the arm now stands behind it, much too near: going away is always allowed
     run(obstacles, 0.4, gap_m)
     assert x_of(obstacles) > 0.8
+
+
+def test_who_waits_does_not_ram_an_arm_that_starts_and_who_does_not_wait_is_not_held_up_by_a_moving_one() -> None:
+    obstacles = book()
+    obstacles.script("hand", [Waypoint([1.0, 0, 0], None, 0.25, 0.0)], False)
+    arm_x = [0.5]
+
+    def gap_m(_thing, pose: Pose) -> float:
+        return abs(arm_x[0] - float(pose.position_m[0]))
+
+    run(obstacles, 4.0, gap_m)
+    run(obstacles, 1.0, gap_m, arm_stands=False)  # the arm moves, but not away
+    assert x_of(obstacles) == pytest.approx(0.47, abs=0.003)
+    arm_x[0] = 0.55  # on its way: more than 3 cm now, but no room yet
+    run(obstacles, 1.0, gap_m, arm_stands=False)
+    assert x_of(obstacles) == pytest.approx(0.47, abs=0.003)
+    arm_x[0] = 0.58
+    run(obstacles, 1.0, gap_m, arm_stands=False)
+    assert x_of(obstacles) > 0.6  # it had room, waits no more, and a moving arm stops nobody
 
 
 @pytest.mark.parametrize(
