@@ -21,21 +21,17 @@ from rich.progress import track
 from benchmarks.provenance import provenance
 from benchmarks.questions import SETS, Question, questions
 from benchmarks.referee import Referee, at_steps
+from benchmarks.solvable import is_solvable
 from common.cell import load
 from common.config import plain
 from services.planner.assemble import Parts, assemble
 from services.planner.config import PlannerConfig
-from services.planner.core.arm import solids_of
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
-from services.planner.core.rrt_connect import RrtConnect, RrtParameters
-from services.planner.core.world import World, cells_of
+from services.planner.core.world import World
 from services.planner.rehearsal import rehearse
 
 __all__ = ["add_arguments", "run"]
-
-SOLVE_S = 5.0  # issue
-ITERATIONS = 20_000  # a round of RRTConnect; rounds go on until SOLVE_S
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -61,7 +57,10 @@ def run(args: argparse.Namespace) -> int:
     if args.once:
         print(digest)
         return 0
-    solvable = [_solvable(parts, question, answer[0]) for question, answer in zip(_shown(asked, "solvable?"), answers, strict=True)]
+    solvable = [  # what we solved needs no proof
+        isinstance(motion, Motion) or is_solvable(parts, question)
+        for question, (motion, _) in zip(_shown(asked, "solvable?"), answers, strict=True)
+    ]
     referee = Referee(parts.robot, cell.static)
     collisions = 0
     for question, (motion, _) in zip(_shown(asked, "referee"), answers, strict=True):
@@ -93,26 +92,6 @@ def _answer(parts: Parts, planner: MotionPlanner, question: Question) -> tuple[A
     watch.add("answer", began)
     watch.ms["connect_search"] = watch.ms["update"] + watch.ms["search"]
     return answer, watch.ms
-
-
-def _solvable(parts: Parts, question: Question, answer: Any) -> bool:
-    """Whether RRTConnect solves it under the same inflation; what we solved needs no proof."""
-    if isinstance(answer, Motion):
-        return True
-    rrt = RrtConnect(
-        parts.checker().arm,
-        solids_of(parts.cell.static),
-        parts.robot.position_min_rad,
-        parts.robot.position_max_rad,
-        RrtParameters(max_iterations=ITERATIONS),
-    )
-    world = rrt.world(cells_of(parts.grid, question.cells), parts.config.margins.safety_m)
-    state = np.random.SeedSequence(question.index).generate_state(4, np.uint64).astype(np.uint64)
-    began = time.monotonic()
-    while time.monotonic() - began < SOLVE_S:
-        if rrt.plan(world, question.q_start, question.q_goal, state) is not None:
-            return True
-    return False
 
 
 def _dense(motion: Motion) -> Any:

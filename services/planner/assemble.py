@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from common.cell import CellConfig
 from common.geometry.grid import Grid
@@ -24,6 +25,7 @@ from services.planner.core.world import no_cells
 from services.planner.kernels.collision import Arm
 from services.planner.kernels.reach import reach_of
 from services.planner.kernels.separation import SpeedLaw
+from services.planner.kernels.static_layer import Solids
 from services.planner.offline.build import Built, Job, load_or_build
 from services.planner.offline.finishing import layer_rules
 
@@ -45,12 +47,23 @@ class Parts:
     built: Built
     separation: Separation | None = None  # how fast the arm may be near what is seen; None: as fast as it can
 
+    @cached_property
+    def arm(self) -> Arm:
+        """The arm as the checks see it."""
+        margins = self.config.margins
+        return arm_of(self.robot, static_margin_m=margins.static_m, self_margin_m=margins.self_m)
+
+    @cached_property
+    def solids(self) -> Solids:
+        """The static layer as the checks see it; its field of distances takes a third of a second."""
+        return solids_of(self.cell.static)
+
     def checker(self) -> Checker:
         """A new checker with its own scratch."""
         margins = self.config.margins
         return Checker(
-            arm_of(self.robot, static_margin_m=margins.static_m, self_margin_m=margins.self_m),
-            solids_of(self.cell.static),
+            self.arm,
+            self.solids,
             safety_m=margins.safety_m,
             step_m=margins.step_m,
             body_names=[body.name for body in self.robot.bodies],
@@ -61,8 +74,7 @@ class Parts:
     def ground(self) -> Ground:
         """What the rows of the table depend on."""
         margins = self.config.margins
-        arm = arm_of(self.robot, static_margin_m=margins.static_m, self_margin_m=margins.self_m)
-        return Ground(arm, self.grid, margins.safety_m, margins.step_m, layer_rules(arm, self.grid, self.config))
+        return Ground(self.arm, self.grid, margins.safety_m, margins.step_m, layer_rules(self.arm, self.grid, self.config))
 
     def on(self, roadmap: Roadmap) -> Parts:
         """The same with another roadmap: one that has grown."""
@@ -82,7 +94,8 @@ class Parts:
     def motion_planner(self) -> MotionPlanner:
         """A new planner with its own scratch, at the configured share of the limits."""
         limits = self.limits.scaled(self.config.speed.velocity, self.config.speed.acceleration)
-        finder = PathFinder(self.roadmap, self.checker(), self.config.clearance.surcharges if self.config.clearance.weight > 0.0 else ())
+        weighs = self.config.clearance.weight > 0.0 and self.roadmap.table.layers.n_bands > 0  # maps of benchmarks have no layers
+        finder = PathFinder(self.roadmap, self.checker(), self.config.clearance.surcharges if weighs else ())
         joint_range = (self.robot.position_min_rad, self.robot.position_max_rad)
         checks = self.config.smoothing.shortcut_checks
         return MotionPlanner(finder, limits, self.hand, joint_range, shortcut_checks=checks, separation=self.separation)

@@ -42,9 +42,9 @@ class ClearanceConfig(Strict, frozen=True):
     # Issue: for example +2, +5, +10 cm; [] builds none.
     layers_m: list[Annotated[float, Meta(gt=0, le=0.3)]] = field(default_factory=lambda: [0.02, 0.05, 0.10])
     block_m: Annotated[float, Meta(gt=0, le=0.2)] = 0.04  # edge of the blocks of cells that layers are of: two cells; our choice
-    # An edge in the band of the first layer costs so much more of its length, one in the others less. Our choice; measured: see
-    # docs/architecture.md.
-    weight: Annotated[float, Meta(ge=0, le=10)] = 0.5
+    # An edge in the band of the first layer costs so much more of its length, one in the others less: a detour that long is taken to
+    # get out of it. Our choice.
+    weight: Annotated[float, Meta(ge=0, le=10)] = 0.25
 
     def __post_init__(self) -> None:
         if any(low >= high for low, high in pairwise(self.layers_m)):

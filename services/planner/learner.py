@@ -140,6 +140,7 @@ class Student:
         return Learned(lesson, reply, parts, QuestionDesk(parts, monotonic_ns), finder, counts)
 
     def _checked(self, lesson: Lesson) -> F64:
+        _refuse_lattice(self._parts.roadmap.model)
         most = self._parts.config.learning.max_samples
         if len(lesson.label) > MAX_LABEL:
             raise RequestError(f"label: {len(lesson.label)} characters, at most {MAX_LABEL}", code="too_long")
@@ -158,6 +159,16 @@ class Student:
             raise RequestError(f"the map has grown as far as it may ({what}); tolman map revert makes room", code="map_full")
         return LearningRules(
             self._spacing_rad, config.reuse_share * self._spacing_rad, config.join_neighbours, config.join_max_rad, max_neurons=room
+        )
+
+
+def _refuse_lattice(model: str) -> None:
+    if model != "gng":
+        raise RequestError(
+            f"planner/learn: a {model} has a fixed grid, in which a further neuron has no place: it cannot be extended; train it anew "
+            "on the motion (tolman build --motions), or run a gng",
+            code="cannot_extend",
+            facts={"model": model},
         )
 
 

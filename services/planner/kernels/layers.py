@@ -13,7 +13,7 @@ from numba import njit
 
 from common.robot.kernels import forward_kinematics, to_joint_frame
 from services.planner.kernels.collision import ROOT3
-from services.planner.kernels.lookup import segment_steps
+from services.planner.kernels.moves import segment_steps
 from services.planner.kernels.reach import look_far, reach_grid
 
 __all__ = ["change_layers", "edge_bands", "node_bands"]

@@ -19,7 +19,7 @@ from services.planner.core.layer_table import NO_LAYERS, NearCounts
 from services.planner.core.layers import LayerRules, build_layers
 from services.planner.core.lookup import BlockedCounts, LookupTable, build_table
 from services.planner.core.roadmap import Roadmap
-from services.planner.kernels.lookup import segment_steps
+from services.planner.kernels.moves import segment_steps
 from tests.support.slow_layers import slow_pose_bands
 
 GRID = Grid((-0.8, -0.8, 0.0), (41, 40, 25), 0.04)  # odd sides: the last blocks stick out
