@@ -11,6 +11,7 @@ from common.robot.kernels import forward_kinematics
 from common.robot.trajectory import JointTrajectory
 from services.planner.kernels.blends import fit_blends
 from services.planner.kernels.cells import Cells
+from services.planner.kernels.clearance import pose_clearance
 from services.planner.kernels.collision import FREE, HIT_CELL, HIT_STATIC, Arm, cells_that_hit, farthest_m, pose_verdict
 from services.planner.kernels.path import curve_verdict, first_blocked
 from services.planner.kernels.static_layer import NO_SOLIDS, Solids
@@ -86,6 +87,14 @@ class Checker:
         forward_kinematics(self.arm.chain, q_rad, self._rotation, self._translation)
         cells_that_hit(self.arm, cells, safety, self._rotation, self._translation, hit)
         return hit.astype(bool)
+
+    def clearance(self, cells: Cells, q_rad: F64) -> float:
+        """Distance in metres from ``q_rad`` (J,) to cells and static layer: never above the true one, below it by a centimetre at most.
+
+        Infinite where there is neither; 0 where it touches.
+        """
+        forward_kinematics(self.arm.chain, q_rad, self._rotation, self._translation)
+        return float(pose_clearance(self.arm, self.solids, cells, self._rotation, self._translation))
 
     def poses_meet(self, cells: Cells, q_rad: F64, *, room_m: float = 0.0) -> int | None:
         """Index of the first of the poses (K, J) that comes within the safety distance and ``room_m`` of a cell.

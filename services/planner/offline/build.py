@@ -23,11 +23,12 @@ from common.errors import ArtefactError
 from common.robot.model import cache_dir
 from services.planner.config import PlannerConfig
 from services.planner.core.cognitive_map import CognitiveMap, statistics
+from services.planner.core.layer_table import NO_LAYERS, LayerTable
 from services.planner.core.lookup import LookupTable
 from services.planner.offline import artefact
 from services.planner.offline.config import MapConfig
 from services.planner.offline.extend import extend, refuse_lattice, samples_to_extend_by
-from services.planner.offline.finishing import CheckedMap, prune_grown, table_of
+from services.planner.offline.finishing import CheckedMap, layer_rules, prune_grown, table_of
 from services.planner.offline.growth import grow, model_of, parameters_of
 from services.planner.offline.motion_store import MotionOrder, make_motions, read_recorded
 from services.planner.offline.motions import Samples, resample
@@ -117,8 +118,9 @@ class Job:
 
     @property
     def fingerprints(self) -> dict[str, str]:
-        """Of robot, grid, and config (static layer, motions, margins, the model and its own parameters, recorded motions, extension)."""
-        config = _digest(self.motions_fingerprint, parameters_of(self.config), self.config.model, _hashes(self.recorded))
+        """Of robot, grid, and config: static layer, motions, margins, layers, the model and its parameters, recorded motions, extension."""
+        layers = [self.config.clearance.layers_m, self.config.clearance.block_m]
+        config = _digest(self.motions_fingerprint, layers, parameters_of(self.config), self.config.model, _hashes(self.recorded))
         if self.extension:
             config = _digest(config, msgspec.structs.replace(self.config.extend, motions=[]), _hashes(self.extension))
         return {"robot": self.scene.robot.fingerprint, "grid": self.scene.grid.fingerprint, "config": config}
@@ -151,11 +153,23 @@ def load(job: Job) -> Built:
     kept = artefact.read(job.path, job.fingerprints)
     try:
         learned = CognitiveMap(kept.arrays["neurons_rad"], kept.arrays["edges"])
-        table = LookupTable(**{name.removeprefix("table_"): array for name, array in kept.arrays.items() if name.startswith("table_")})
+        table = LookupTable(**_named(kept, "table_"), layers=_kept_layers(job, kept))
     except (KeyError, TypeError) as error:
         raise ArtefactError(f"{job.path}: an array is missing or unknown: {error}", code="torn_artefact") from None
     sha256 = hashlib.sha256(job.path.read_bytes()).hexdigest()
     return Built(job.path, sha256, learned, table, dict(kept.fingerprints), dict(kept.figures), kept.arrays.get("lattice_unit"))
+
+
+def _named(kept: artefact.Artefact, prefix: str) -> dict[str, NDArray[Any]]:
+    return {name.removeprefix(prefix): array for name, array in kept.arrays.items() if name.startswith(prefix)}
+
+
+def _kept_layers(job: Job, kept: artefact.Artefact) -> LayerTable:
+    rules = layer_rules(job.scene.arm, job.scene.grid, job.config)
+    if rules is None:
+        return NO_LAYERS
+    rows = _named(kept, "layer_")
+    return rules.table((rows["node_offset"], rows["node_owner"]), (rows["edge_offset"], rows["edge_owner"]))
 
 
 def load_or_build(job: Job, progress: Progress = _silent) -> Built:
@@ -187,7 +201,7 @@ def run(job: Job, progress: Progress = _silent, *, force: bool = False) -> tuple
     with _stage("prune", progress, seconds):
         checked = prune_grown(job.scene, job.config, grown, samples.q_rad)
     with _stage("table", progress, seconds):
-        table = table_of(job.scene, checked.learned, lambda share: progress("table", share))
+        table = table_of(job.scene, job.config, checked.learned, lambda share: progress("table", share))
     with _stage("write", progress, seconds):
         figures = _figures(job, checked, samples, n_trajectories, table)
         sha256 = artefact.write(job.path, artefact.Artefact(_arrays(checked, table), job.fingerprints, figures))
@@ -233,10 +247,20 @@ def _figures(job: Job, checked: CheckedMap, samples: Samples, n_trajectories: in
         n_dropped = parameters.rows * parameters.columns - checked.learned.n_neurons
         lattice = {"model": job.config.model, "rows": parameters.rows, "columns": parameters.columns, "dropped_units": n_dropped}
     figures = asdict(statistics(checked.learned, samples.q_rad))
-    return {**lattice, "trajectories": n_trajectories, "samples": len(samples.q_rad), **figures, "table_bytes": table.n_bytes}
+    return {
+        **lattice,
+        "trajectories": n_trajectories,
+        "samples": len(samples.q_rad),
+        **figures,
+        "table_bytes": table.n_bytes,
+        "layer_bytes": table.layers.n_bytes,
+    }
 
 
 def _arrays(checked: CheckedMap, table: LookupTable) -> dict[str, NDArray[Any]]:
     lattice = {} if checked.lattice_unit is None else {"lattice_unit": checked.lattice_unit}
-    rows = {f"table_{name}": getattr(table, name) for name in ("node_offset", "node_owner", "edge_offset", "edge_owner", "unavoidable")}
+    by_row = ("node_offset", "node_owner", "edge_offset", "edge_owner")
+    rows = {f"table_{name}": getattr(table, name) for name in (*by_row, "unavoidable")}
+    if table.layers.n_bands:
+        rows |= {f"layer_{name}": getattr(table.layers, name) for name in by_row}
     return {"neurons_rad": checked.learned.q_rad, "edges": checked.learned.edges, **lattice, **rows}
