@@ -36,7 +36,8 @@ from common.wire.messages import (
 )
 from services.planner.assemble import assemble
 from services.planner.config import PlannerConfig
-from services.planner.core.reflex import Event, Goal, Reflex
+from services.planner.core.reflex import Reflex
+from services.planner.core.report import Event, Goal
 from services.planner.core.underway import ArmState, Sent
 from services.planner.fallback.courier import Courier
 from services.planner.fallback.process import FallbackProcess
@@ -217,6 +218,8 @@ class Planner:
         complaints = ["perception uses another grid" if self._wrong_grid else "", self._memory.complaint]
         self._vitals.reasons = [complaint for complaint in complaints if complaint]
         self._vitals.counters["smoothing_fallbacks"] = report.smoothing_fallbacks
+        if self._fallback is not None:
+            self._vitals.counters["fallback_restarts"] = self._fallback.restarts
         self._statuses.publish(
             PlannerStatus(
                 state=report.state,  # type: ignore[arg-type]

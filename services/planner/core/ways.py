@@ -105,29 +105,34 @@ class Thinking:
         """One slice; a motion that is free in ``world``, the cells of now, or why there is none, or None: not yet."""
         if len(self._q_goals) == 0 or not self._is_start_free:
             return self._nothing()
+        return self._by_fallback(world, watch) if self.way == "fallback" else self._by_repair(world, watch)
+
+    def _by_repair(self, world: World, watch: Stopwatch) -> Motion | NotFound | None:
         began = watch.clock_ns()
-        if self.way != "fallback":
-            found = self._repair.advance()
-            watch.add("repair", began)
-            if isinstance(found, bool):
-                return None if found else self._after_repair()
-            motion = self._drive(world, found, watch)
-            if motion is not None or (self._tries < TRIES and self._repair.again()):
-                return motion
+        found = self._repair.advance()
+        watch.add("repair", began)
+        if isinstance(found, bool):
+            return None if found else self._after_repair()
+        motion = self._drive(world, found, watch)
+        if motion is None and (self._tries == TRIES or not self._repair.again()):
             return self._after_repair()
-        if self._answer is None:
-            return None
+        return motion
+
+    def _by_fallback(self, world: World, watch: Stopwatch) -> Motion | NotFound | None:
         answer, self._answer = self._answer, None
+        if answer is None:
+            return None
         watch.ms["fallback"] = watch.ms.get("fallback", 0.0) + answer.ms
         if answer.q_rad is None:
             self._why.append(answer.why)
             return self._nothing()
         neurons = np.full(len(answer.q_rad) - 2, NO_NEURON, dtype=np.int32)
         motion = self._drive(world, FoundPath(neurons, answer.q_rad, path_length(answer.q_rad), way="fallback"), watch)
-        if motion is None and self._tries < TRIES:
+        if motion is None and self._tries == TRIES:
+            return self._nothing()
+        if motion is None:
             self._want()
-            return None
-        return motion or self._nothing()
+        return motion
 
     def _drive(self, world: World, found: FoundPath, watch: Stopwatch) -> Motion | None:
         self._tries += 1

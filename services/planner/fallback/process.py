@@ -119,7 +119,11 @@ class FallbackProcess:
     def _run_once(self) -> bool:
         """One process from start to end; whether it ever was ready."""
         self._out: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._child = child = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        try:
+            self._child = child = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        except OSError as error:
+            log.warning("the fallback process cannot be started: %s", error)
+            return False
         if self._closing.is_set():
             self._end_child()
         writer = threading.Thread(target=_write_all, args=(child.stdin, self._out), name="fallback-out", daemon=True)
