@@ -57,8 +57,8 @@ def run(args: argparse.Namespace) -> int:
     parts = assemble(cell, config)
     rehearse(parts, time.monotonic_ns)
     asked = list(track(questions(parts, args.name, args.n, args.seed), "questions", total=args.n, transient=True, disable=args.once))
-    with fallback_of(parts) as sample:
-        answerer = Answerer(parts, sample)
+    with fallback_of(parts) as sampler:
+        answerer = Answerer(parts, sampler)
         answers = [answerer.answer(question) for question in _shown(asked, "answers", hide=args.once)]
     digest = _digest(answers)
     if args.once:

@@ -84,14 +84,14 @@ class Planner:
         self._resolver = self._parts.goal_resolver()
         self._reflex: Reflex = self._parts.reflex(monotonic_ns, f"{self._bus.epoch:x}")
         self._fallback = FallbackProcess(self._cell, self._config.margins) if "fallback" in self._config.ways else None
-        sample = self._fallback.ask_and_wait if self._fallback is not None else None
+        sampler = self._fallback.send if self._fallback is not None else None
         self._courier = Courier(self._fallback, self._bus.wake.set) if self._fallback is not None else None
         rehearse(self._parts, monotonic_ns)
-        student = Student(self._memory, self._reflex, sample)
+        student = Student(self._memory, self._reflex, sampler)
         rehearse_learning(student, self._parts)
         sys.setswitchinterval(SWITCH_S)
         self._learner = Learner(student, self._config.learning.max_waiting, self._bus.wake.set)
-        self._questions = _Worker(QuestionDesk(self._parts, monotonic_ns, sample), self._vitals, self._learn_way)
+        self._questions = _Worker(QuestionDesk(self._parts, monotonic_ns, sampler), self._vitals, self._learn_way)
         self._open_inboxes()
 
     def _open_inboxes(self) -> None:
