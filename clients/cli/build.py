@@ -43,8 +43,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--motions", type=Path, nargs="+", default=[], metavar="FILE", help="motions to train on too: of tolman teach, .npy, .csv"
     )
-    parser.epilog = """A map made with --motions is another map: a stack takes it when its config names the same files,
-    tolman up --set 'planner.taught=["FILE"]'."""
+    parser.add_argument(
+        "--extend",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="keep the map and let it grow on these motions too (by planner.extend.n_added neurons); a gas only, a SOM cannot",
+    )
+    parser.epilog = """A map made with --motions or --extend is another map: a stack takes it when its config names the same files,
+    tolman up --set 'planner.taught=["FILE"]' or --set 'planner.extend.motions=["FILE"]'."""
     add_cell_arguments(parser)
 
 
@@ -52,7 +60,7 @@ def run(args: argparse.Namespace) -> int:
     """0: the map is there."""
     overrides = [*(QUICK if args.quick else []), *args.set]
     shared, config = cell.load(args.config, "planner", PlannerConfig, overrides)
-    job = Job.of(shared, config, args.motions)
+    job = Job.of(shared, config, args.motions, extension=args.extend)
     seconds: dict[str, float] = {}
     built = None if args.force else _kept(job)
     if built is None:
@@ -114,5 +122,6 @@ def _describe(built: Built, seconds: dict[str, float]) -> str:
         return f"{value:.4g}" if isinstance(value, float) else str(value)
 
     lines = [f"  {name:<24} {word(value)}" for name, value in built.figures.items()]
-    how = f"made in {seconds['total']:.0f} s" if seconds else "was there already"
+    verb = "extended" if "extend" in seconds else "made"
+    how = f"{verb} in {seconds['total']:.0f} s" if seconds else "was there already"
     return "\n".join([f"{built.path} {how}", *lines, f"  {'sha256':<24} {built.sha256}"])

@@ -142,6 +142,7 @@ class Student:
         return Learned(lesson, reply, parts, QuestionDesk(parts, monotonic_ns, self._sampler), finder, counts)
 
     def _checked(self, lesson: Lesson) -> F64:
+        _refuse_lattice(self._parts.roadmap.model)
         most = self._parts.config.learning.max_samples
         if len(lesson.label) > MAX_LABEL:
             raise RequestError(f"label: {len(lesson.label)} characters, at most {MAX_LABEL}", code="too_long")
@@ -165,6 +166,16 @@ class Student:
             config.join_max_rad,
             max_neurons=room,
             exactly=lesson.source != "taught",
+        )
+
+
+def _refuse_lattice(model: str) -> None:
+    if model != "gng":
+        raise RequestError(
+            f"planner/learn: a {model} has a fixed grid, in which a further neuron has no place: it cannot be extended; train it anew "
+            "on the motion (tolman build --motions), or run a gng",
+            code="cannot_extend",
+            facts={"model": model},
         )
 
 

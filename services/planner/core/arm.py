@@ -16,7 +16,7 @@ from services.planner.kernels.static_layer import BOX, CYLINDER, NO_SOLIDS, SPHE
 __all__ = ["arm_of", "body_levers", "pair_levers", "solids_of"]
 
 F64 = NDArray[np.float64]
-FIELD_SPACING_M = 0.02  # our choice: 1 m^3 of it is half a megabyte
+FIELD_SPACING_M = 0.01  # our choice: 1 m^3 of it is four megabytes
 FIELD_MARGIN_M = 0.1  # the voxels go so far beyond the solids, where their common box tells enough; our choice
 
 
@@ -28,6 +28,7 @@ def arm_of(robot: RobotModel, *, static_margin_m: float, self_margin_m: float) -
         grids=robot.grids,
         moving=np.array([not body.immobile for body in robot.bodies], dtype=np.uint8),
         pairs=robot.pairs,
+        pair_tables=robot.pair_tables,
         static_margin_m=float(static_margin_m),
         self_margin_m=float(self_margin_m),
         lever_m=lever_m,
