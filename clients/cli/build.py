@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -23,6 +24,9 @@ from services.planner.offline.build import STAGES, Built, Job, load
 from services.planner.offline.build import Progress as OnProgress
 from services.planner.offline.build import run as build
 from services.planner.offline.growth import parameters_of
+from services.planner.offline.problem_cell import problem_cell
+from services.planner.offline.problem_motions import training_problems
+from services.planner.offline.problems import read_problems
 
 __all__ = ["add_arguments", "run"]
 
@@ -43,6 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--motions", type=Path, nargs="+", default=[], metavar="FILE", help="motions to train on too: of tolman teach, .npy, .csv"
     )
+    parser.add_argument(
+        "--problems",
+        type=Path,
+        metavar="FILE",
+        help="a map for the scenes of these problems (MotionBenchMaker's, as JSON) instead of the cell",
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help="also write the map there")
     parser.epilog = """A map made with --motions is another map: a stack takes it when its config names the same files,
     tolman up --set 'planner.taught=["FILE"]'."""
     add_cell_arguments(parser)
@@ -52,12 +63,21 @@ def run(args: argparse.Namespace) -> int:
     """0: the map is there."""
     overrides = [*(QUICK if args.quick else []), *args.set]
     shared, config = cell.load(args.config, "planner", PlannerConfig, overrides)
-    job = Job.of(shared, config, args.motions)
+    if args.problems is None:
+        job = Job.of(shared, config, args.motions)
+    else:
+        shared, config = problem_cell(shared, config)
+        job = Job.of(shared, config, args.motions)
+        robot = shared.robot
+        base = robot.base_position_m, robot.base_rpy_rad
+        job = job.on(training_problems(read_problems(args.problems, job.scene.robot.joint_names, base)))
     seconds: dict[str, float] = {}
     built = None if args.force else _kept(job)
     if built is None:
         with _progress() as on_progress:
             built, seconds = build(job, on_progress, force=args.force)
+    if args.out is not None:
+        shutil.copyfile(built.path, args.out)
     report = {
         **provenance(parameters_of(config).seed, load_tables(args.config, overrides)),
         **built.figures,
@@ -113,6 +133,6 @@ def _describe(built: Built, seconds: dict[str, float]) -> str:
     def word(value: Any) -> str:
         return f"{value:.4g}" if isinstance(value, float) else str(value)
 
-    lines = [f"  {name:<24} {word(value)}" for name, value in built.figures.items()]
+    lines = [f"  {name:<24} {word(value)}" for name, value in built.figures.items() if not isinstance(value, list)]
     how = f"made in {seconds['total']:.0f} s" if seconds else "was there already"
     return "\n".join([f"{built.path} {how}", *lines, f"  {'sha256':<24} {built.sha256}"])

@@ -22,7 +22,7 @@ from services.planner.core.vision import Vision
 from services.planner.core.world import no_cells
 from services.planner.offline.build import Built, Job, load_or_build
 
-__all__ = ["Parts", "assemble"]
+__all__ = ["Parts", "assemble", "parts_of"]
 
 Progress = Callable[[str, float], None]
 
@@ -101,6 +101,10 @@ def assemble(cell: CellConfig, config: PlannerConfig, progress: Progress = lambd
         TolmanError: robot or map cannot be had.
     """
     job = Job.of(cell, config)
-    built = load_or_build(job, progress)
-    roadmap = Roadmap.of(built.learned, built.table, config.model)
-    return Parts(cell, config, job.scene.robot, job.scene.grid, roadmap, built)
+    return parts_of(job, load_or_build(job, progress))
+
+
+def parts_of(job: Job, built: Built) -> Parts:
+    """The parts of a job whose map is there."""
+    roadmap = Roadmap.of(built.learned, built.table, job.config.model)
+    return Parts(job.cell, job.config, job.scene.robot, job.scene.grid, roadmap, built)

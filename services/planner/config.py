@@ -7,7 +7,7 @@ from typing import Annotated, Literal
 from msgspec import Meta
 
 from common.config import Strict
-from services.planner.offline.config import ExtendConfig, GammaSomConfig, MapConfig, MotionsConfig, SomConfig
+from services.planner.offline.config import ExtendConfig, GammaSomConfig, MapConfig, MotionsConfig, ProblemsConfig, SomConfig
 
 __all__ = ["LearningConfig", "MarginsConfig", "PlannerConfig", "ReplanConfig", "SmoothingConfig", "SpeedConfig"]
 
@@ -78,6 +78,7 @@ class PlannerConfig(Strict, frozen=True):
     som: SomConfig = SomConfig()
     gamma_som: GammaSomConfig = GammaSomConfig()
     extend: ExtendConfig = ExtendConfig()
+    problems: ProblemsConfig = ProblemsConfig()
     margins: MarginsConfig = MarginsConfig()
     smoothing: SmoothingConfig = SmoothingConfig()
     speed: SpeedConfig = SpeedConfig()

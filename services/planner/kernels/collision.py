@@ -4,7 +4,7 @@ Table, edges, connections, curves, repairs, stops and training motions all end h
 how much it may change until its answer could: along a way most are not asked again (:class:`Slack`).
 
 * **cells**: a cell blocks a pose if any of its points may be nearer to a moving body than the safety distance. The cell is a cube; where
-  its ball decides, no more is looked at, else its eight octants are.
+  its ball decides, no more is looked at, else its eight octants are, and where an octant's ball leaves it open, the octant's eight parts.
 * **static layer**: boxes, spheres and cylinders by their exact distance to the spheres that cover a body.
 * **self**: spheres of one body in the distance grid of the other.
 
@@ -21,8 +21,8 @@ from numba import njit
 from numpy.typing import NDArray
 
 from common.robot.body_distance import cover_distance, pair_distance, to_world
-from common.robot.kernels import FAR, BodyGrids, Chain, body_grid, forward_kinematics, look_up, to_joint_frame
-from services.planner.kernels.cells import BLOCK
+from common.robot.kernels import FAR, BodyGrids, Chain, body_grid, forward_kinematics, look_near, look_up, to_joint_frame
+from services.planner.kernels.cells import BLOCK, GROUP
 from services.planner.kernels.static_layer import body_static_gap
 
 __all__ = [
@@ -82,26 +82,47 @@ def cell_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # t
     """Whether the cube around (x, y, z), given in the body's frame, may come within ``safety_m`` of a body.
 
     ``distance, grid``: as for :func:`common.robot.kernels.look_up`. ``rotation`` (3, 3) is the frame's; its rows are the world axes, along
-    which the cube lies. Never false when it truly does; when true, the cube is within ``safety_m`` + a quarter of its diagonal + rounding
+    which the cube lies. Never false when it truly does; when true, the cube is within ``safety_m`` + an eighth of its diagonal + rounding
     of the distance grid.
     """
-    centre = look_up(distance, grid, x, y, z)
+    if look_up(distance, grid, x, y, z) > safety_m + half_m * ROOT3:
+        return False
+    return _cube_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m)
+
+
+@njit(cache=True, nogil=True)
+def _cube_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ignore[no-untyped-def]
+    """:func:`cell_touches_body` where the first look does not rule it out: the cube's ball, its octants' balls, theirs."""
+    centre = look_near(distance, grid, x, y, z)
     if centre > safety_m + half_m * ROOT3:
         return False
     if centre <= safety_m + half_m:
         return True
-    quarter = 0.5 * half_m
-    limit = safety_m + quarter * ROOT3
     for octant in range(8):
-        sx = quarter if octant & 1 else -quarter
-        sy = quarter if octant & 2 else -quarter
-        sz = quarter if octant & 4 else -quarter
-        ox = x + sx * rotation[0, 0] + sy * rotation[1, 0] + sz * rotation[2, 0]
-        oy = y + sx * rotation[0, 1] + sy * rotation[1, 1] + sz * rotation[2, 1]
-        oz = z + sx * rotation[0, 2] + sy * rotation[1, 2] + sz * rotation[2, 2]
-        if look_up(distance, grid, ox, oy, oz) <= limit:
+        ox, oy, oz = _octant_middle(rotation, x, y, z, 0.5 * half_m, octant)
+        middle = look_near(distance, grid, ox, oy, oz)
+        if middle > safety_m + 0.5 * half_m * ROOT3:
+            continue
+        if middle <= safety_m + 0.5 * half_m:
             return True
+        for part in range(8):
+            px, py, pz = _octant_middle(rotation, ox, oy, oz, 0.25 * half_m, part)
+            if look_near(distance, grid, px, py, pz) <= safety_m + 0.25 * half_m * ROOT3:
+                return True
     return False
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _octant_middle(rotation, x, y, z, step_m, octant):  # type: ignore[no-untyped-def]
+    """``step_m`` along each world axis from (x, y, z), in the body's frame; the bits of ``octant`` say which way."""
+    sx = step_m if octant & 1 else -step_m
+    sy = step_m if octant & 2 else -step_m
+    sz = step_m if octant & 4 else -step_m
+    return (
+        x + sx * rotation[0, 0] + sy * rotation[1, 0] + sz * rotation[2, 0],
+        y + sx * rotation[0, 1] + sy * rotation[1, 1] + sz * rotation[2, 1],
+        z + sx * rotation[0, 2] + sy * rotation[1, 2] + sz * rotation[2, 2],
+    )
 
 
 @njit(cache=True, nogil=True)
@@ -112,7 +133,7 @@ def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-unty
     the body answer.
     """
     grids = arm.grids
-    distance, centre, block, half_m = grids.distance, cells.centre_m, cells.block_m, cells.half_m
+    distance, centre, block, group, half_m = grids.distance, cells.centre_m, cells.block_m, cells.group_m, cells.half_m
     reach = safety_m + half_m * ROOT3
     beyond_grids = reach > FAR
     grid = body_grid(grids, b)
@@ -120,27 +141,33 @@ def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-unty
     for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
         cx, cy, cz = to_world(turn, shift, grids.part_m, p)
         near = grids.part_m[p, 3] + reach
-        for k in range(len(block)):
-            dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
-            room = math.sqrt(dx * dx + dy * dy + dz * dz) - near - block[k, 3]
+        for g in range(len(group)):
+            dx, dy, dz = group[g, 0] - cx, group[g, 1] - cy, group[g, 2] - cz
+            room = math.sqrt(dx * dx + dy * dy + dz * dz) - near - group[g, 3]
             if room > 0.0:
                 gap = min(gap, room)
                 continue
-            for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
-                x, y, z = centre[i, 0], centre[i, 1], centre[i, 2]
-                dx, dy, dz = x - cx, y - cy, z - cz
-                room = math.sqrt(dx * dx + dy * dy + dz * dz) - near
-                if room <= 0.0:
-                    x, y, z = to_joint_frame(turn, shift, x, y, z)
-                    if beyond_grids:
-                        room = cover_distance(grids, b, x, y, z, reach + COVER_LOOK_M) - reach
-                        touches = room <= 0.0
-                    else:
-                        room = look_up(distance, grid, x, y, z) - reach
-                        touches = room <= 0.0 and cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m)
-                    if touches:
-                        return i, 0.0
-                gap = min(gap, max(room, 0.0))
+            for k in range(g * GROUP, min((g + 1) * GROUP, len(block))):
+                dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
+                room = math.sqrt(dx * dx + dy * dy + dz * dz) - near - block[k, 3]
+                if room > 0.0:
+                    gap = min(gap, room)
+                    continue
+                for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
+                    x, y, z = centre[i, 0], centre[i, 1], centre[i, 2]
+                    dx, dy, dz = x - cx, y - cy, z - cz
+                    room = math.sqrt(dx * dx + dy * dy + dz * dz) - near
+                    if room <= 0.0:
+                        x, y, z = to_joint_frame(turn, shift, x, y, z)
+                        if beyond_grids:
+                            room = cover_distance(grids, b, x, y, z, reach + COVER_LOOK_M) - reach
+                            touches = room <= 0.0
+                        else:
+                            room = look_up(distance, grid, x, y, z) - reach
+                            touches = room <= 0.0 and cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m)
+                        if touches:
+                            return i, 0.0
+                    gap = min(gap, max(room, 0.0))
     return -1, gap
 
 

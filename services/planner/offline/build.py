@@ -7,9 +7,9 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -27,18 +27,19 @@ from services.planner.offline import artefact
 from services.planner.offline.config import MapConfig
 from services.planner.offline.finishing import CheckedMap, prune_grown, table_of
 from services.planner.offline.growth import grow, model_of, parameters_of
-from services.planner.offline.motion_store import MotionOrder, make_motions, read_recorded
+from services.planner.offline.motion_store import MotionOrder, Order, make_motions, read_recorded
 from services.planner.offline.motions import Samples, resample
+from services.planner.offline.problem_motions import ProblemOrder, TrainingProblem
 from services.planner.offline.scene import Scene
 
-__all__ = ["STAGES", "Built", "Job", "load", "load_or_build", "run"]
+__all__ = ["STAGES", "Built", "Job", "load", "load_file", "load_or_build", "run"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 Progress = Callable[[str, float], None]  # stage, share done 0..1
 
 STAGES = ("motions", "map", "prune", "table", "write")
-RULES_VERSION = 3  # raise when the same config would give another map
+RULES_VERSION = 4  # raise when the same config would give another map
 
 
 def _silent(stage: str, share: float) -> None:
@@ -63,16 +64,26 @@ class Built:
 
 @dataclass(frozen=True, eq=False)
 class Job:
-    """What is to be built: for which cell, with which config, from which recorded motions ((K, J) each) besides the made ones."""
+    """What is to be built: for which cell, with which config, from which recorded motions ((K, J) each) besides the made ones.
+
+    With ``problems`` the made motions are those of :mod:`services.planner.offline.problem_motions` instead of the cell's reaching motions.
+    """
 
     cell: CellConfig
     config: PlannerConfig
     scene: Scene
     recorded: tuple[F64, ...]
     cache: Path
+    problems: tuple[TrainingProblem, ...] = ()
 
     @staticmethod
-    def of(cell: CellConfig, config: PlannerConfig, recorded: Sequence[F64 | Path] = (), cache: Path | None = None) -> Job:
+    def of(
+        cell: CellConfig,
+        config: PlannerConfig,
+        recorded: Sequence[F64 | Path] = (),
+        cache: Path | None = None,
+        problems: Sequence[TrainingProblem] = (),
+    ) -> Job:
         """A job; ``cache`` defaults to the user's. Motions (or files of them) in ``recorded`` come after those that the config names.
 
         Raises:
@@ -82,11 +93,14 @@ class Job:
         model_of(config)  # refuses now what it would refuse after all motions are made
         scene = Scene.of(cell, config.margins)
         motions = [read_recorded(q, scene.robot) if isinstance(q, Path) else q for q in (*map(Path, config.taught), *recorded)]
-        return Job(cell, config, scene, tuple(motions), cache or cache_dir())
+        return Job(cell, config, scene, tuple(motions), cache or cache_dir(), tuple(problems))
 
     @property
     def motions_fingerprint(self) -> str:
-        """Of all that the made motions depend on."""
+        """Of all that the made motions depend on, their problems aside."""
+        if self.problems:
+            made = msgspec.structs.replace(self.config.problems, n_workers=1, n_neurons=4, n_samples=1)
+            return _digest(self.scene.robot.fingerprint, self.scene.grid.fingerprint, made, self.config.margins)
         motions = msgspec.structs.replace(self.config.motions, n_workers=1)
         return _digest(self.scene.robot.fingerprint, self.scene.grid.fingerprint, self.cell.static, motions, self.config.margins)
 
@@ -94,11 +108,21 @@ class Job:
     def fingerprints(self) -> dict[str, str]:
         """Of robot, grid, and config (static layer, motions, margins, the model and its own parameters, recorded motions)."""
         recorded = [hashlib.sha256(np.ascontiguousarray(q).tobytes()).hexdigest() for q in self.recorded]
+        recorded += [*(p.digest for p in self.problems), str(self.config.problems.n_samples)] if self.problems else []
         return {
             "robot": self.scene.robot.fingerprint,
             "grid": self.scene.grid.fingerprint,
             "config": _digest(self.motions_fingerprint, parameters_of(self.config), self.config.model, recorded),
         }
+
+    @property
+    def scene_fingerprints(self) -> dict[str, str]:
+        """Of robot and grid alone: what any map that is to be used here must be made for."""
+        return {name: value for name, value in self.fingerprints.items() if name != "config"}
+
+    def on(self, problems: Sequence[TrainingProblem]) -> Job:
+        """The same with other problems."""
+        return replace(self, problems=tuple(problems))
 
     @property
     def path(self) -> Path:
@@ -121,14 +145,23 @@ def load(job: Job) -> Built:
     Raises:
         ArtefactError: not there, torn, of another version, or made for something else; says which.
     """
-    kept = artefact.read(job.path, job.fingerprints)
+    return load_file(job.path, job.fingerprints)
+
+
+def load_file(path: Path, fingerprints: Mapping[str, str]) -> Built:
+    """The artefact in a file, made for what ``fingerprints`` say.
+
+    Raises:
+        ArtefactError: not there, torn, of another version, or made for something else; says which.
+    """
+    kept = artefact.read(path, fingerprints)
     try:
         learned = CognitiveMap(kept.arrays["neurons_rad"], kept.arrays["edges"])
         table = LookupTable(**{name.removeprefix("table_"): array for name, array in kept.arrays.items() if name.startswith("table_")})
     except (KeyError, TypeError) as error:
-        raise ArtefactError(f"{job.path}: an array is missing or unknown: {error}", code="torn_artefact") from None
-    sha256 = hashlib.sha256(job.path.read_bytes()).hexdigest()
-    return Built(job.path, sha256, learned, table, dict(kept.fingerprints), dict(kept.figures), kept.arrays.get("lattice_unit"))
+        raise ArtefactError(f"{path}: an array is missing or unknown: {error}", code="torn_artefact") from None
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    return Built(path, sha256, learned, table, dict(kept.fingerprints), dict(kept.figures), kept.arrays.get("lattice_unit"))
 
 
 def load_or_build(job: Job, progress: Progress = _silent) -> Built:
@@ -176,22 +209,32 @@ def _stage(name: str, progress: Progress, seconds: dict[str, float]) -> Iterator
 
 
 def _samples(job: Job, progress: Progress, *, force: bool) -> tuple[Samples, int]:
-    order = MotionOrder(job.cell, job.config.margins, job.config.motions, job.motions_dir, job.motions_fingerprint)
+    order = _order(job)
     if force:
         for chunk in order.chunks:
             order.path(chunk).unlink(missing_ok=True)
-    paths = make_motions(order, lambda share: progress("motions", share)) + list(job.recorded)
+    made = make_motions(order, lambda share: progress("motions", share))
+    paths = [path for path in made if len(path)] + list(job.recorded)
     return resample(paths, job.config.motions.n_samples), len(paths)
 
 
+def _order(job: Job) -> Order:
+    place = job.motions_dir, job.motions_fingerprint
+    if job.problems:
+        return ProblemOrder(job.cell, job.config.margins, job.config.problems, job.problems, *place)
+    return MotionOrder(job.cell, job.config.margins, job.config.motions, *place)
+
+
 def _figures(job: Job, checked: CheckedMap, samples: Samples, n_trajectories: int, table: LookupTable) -> dict[str, Any]:
-    """A lattice also names its model and size; a file that does not is of a gas."""
+    """A lattice also names its model and size; a file that does not is of a gas. A map of problems names them."""
     lattice: dict[str, Any] = {}
     parameters = parameters_of(job.config)
     if not isinstance(parameters, MapConfig):
         n_dropped = parameters.rows * parameters.columns - checked.learned.n_neurons
         lattice = {"model": job.config.model, "rows": parameters.rows, "columns": parameters.columns, "dropped_units": n_dropped}
     figures = asdict(statistics(checked.learned, samples.q_rad))
+    if job.problems:
+        figures["problems"] = sorted(p.digest for p in job.problems)
     return {**lattice, "trajectories": n_trajectories, "samples": len(samples.q_rad), **figures, "table_bytes": table.n_bytes}
 
 

@@ -1,0 +1,184 @@
+"""One problem of a file put to our planner, and what of it RRTConnect can solve: on its true shapes, and in the very cells we plan in."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.exact import Exact, ExactPlanner
+from benchmarks.referee import Referee, at_steps
+from services.planner.assemble import Parts
+from services.planner.core.found import NotFound, path_length
+from services.planner.core.lookup import BlockedCounts
+from services.planner.core.motion import Ask, Motion, Stopwatch
+from services.planner.core.rrt_connect import RrtConnect, RrtParameters
+from services.planner.core.world import World, cells_of
+from services.planner.kernels.collision import FREE
+from services.planner.offline.problems import Problem
+from services.planner.offline.solid_cells import solid_cells
+
+__all__ = ["WAYS", "Record", "Solver", "Way"]
+
+F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
+U64 = NDArray[np.uint64]
+Way = Literal["map", "repair", "fallback"]
+WAYS: tuple[Way, ...] = ("map", "repair", "fallback")
+ROUND = 2000  # samples of RRTConnect; rounds of new seeds go on until the limit; our choice
+FALLBACK_ITERATIONS = 20_000  # samples; our choice
+DENSE = 20  # points of a curve a knot: straight pieces between them are the curve
+
+
+@dataclass(frozen=True)
+class Record:
+    """What became of one problem.
+
+    Attributes:
+        set_name, index: of the problem.
+        exact: RRTConnect on the true shapes: solved, start_blocked, goal_blocked, unsolved.
+        cells: the same in the cells that we plan in: solved (by RRTConnect, or by us), start_blocked, goal_blocked, unsolved.
+        way: which of our ways answered; None: none did.
+        map_says: found, or why the map had no answer: start_blocked, goal_blocked, start_apart, goal_apart (that end joins no free
+            neuron), cut (both join, no way between), no_curve.
+        ms: from cells to the answer, of the way that answered; without one, of all that was tried.
+        length_rad, reference_rad: of our curve, and of RRTConnect's simplified path on the true shapes.
+        collides: our curve, on the true shapes.
+        n_cells: that the scene occupies.
+    """
+
+    set_name: str
+    index: int
+    exact: str
+    cells: str
+    way: Way | None
+    map_says: str
+    ms: float
+    length_rad: float | None
+    reference_rad: float | None
+    collides: bool
+    n_cells: int
+
+    @property
+    def is_solvable_exact(self) -> bool:
+        """RRTConnect solved it on the true shapes; or we did, and coal found nothing wrong with it there."""
+        return self.exact == "solved" or (self.way is not None and not self.collides)
+
+    @property
+    def is_solvable_cells(self) -> bool:
+        """RRTConnect or we solved it in the cells."""
+        return self.cells == "solved"
+
+
+class Solver:
+    """Puts problems to one map. Holds scratch: one per thread.
+
+    Args:
+        parts: map, robot, config.
+        limit_s: of processor time that RRTConnect gets to show that a problem can be solved; so a busy machine changes little.
+    """
+
+    def __init__(self, parts: Parts, limit_s: float) -> None:
+        self._parts, self._limit_s = parts, limit_s
+        self._planner = parts.motion_planner()
+        self._checker = parts.checker()
+        self._exact = ExactPlanner(parts.robot)
+        robot, arm, solids = parts.robot, self._checker.arm, self._checker.solids
+        parameters = RrtParameters(max_iterations=ROUND)
+        self._rrt = RrtConnect(arm, solids, robot.position_min_rad, robot.position_max_rad, parameters)
+        longer = RrtParameters(max_iterations=FALLBACK_ITERATIONS)
+        self._fallback = RrtConnect(arm, solids, robot.position_min_rad, robot.position_max_rad, longer)
+
+    def ask(self, problem: Problem) -> Record:
+        """All that is to be known of one problem."""
+        exact = self._exact.solve(problem, self._limit_s)
+        cells = solid_cells(self._parts.grid, problem.solids)
+        way, curve, says, ms = self._answer(problem, cells)
+        return Record(
+            set_name=problem.set_name,
+            index=problem.index,
+            exact=exact.outcome,
+            cells="solved" if way is not None else self._in_cells(problem, cells),
+            way=way,
+            map_says=says,
+            ms=round(ms, 3),
+            length_rad=None if curve is None else path_length(curve),
+            reference_rad=_length(exact),
+            collides=curve is not None and self._collides(problem, curve),
+            n_cells=len(cells),
+        )
+
+    def _answer(self, problem: Problem, cells: I32) -> tuple[Way | None, F64 | None, str, float]:
+        """Way, points of the curve (K, J), what the map said, milliseconds."""
+        config, roadmap, watch = self._parts.config, self._parts.roadmap, Stopwatch(time.perf_counter_ns)
+        counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
+        for end, q in (("start", problem.q_start), ("goal", problem.q_goal)):
+            if self._parts.robot.limit_violation(q):
+                return None, None, f"{end}_out_of_limits", 0.0
+        began = watch.clock_ns()
+        counts.set_cells(np.setdiff1d(cells, roadmap.table.unavoidable, assume_unique=True))
+        world = World.of(self._parts.grid, counts)
+        ask = Ask(problem.q_start, problem.q_goal, None, config.rules, config.search, config.smoothing.smooth)
+        motion = self._planner.answer(world, ask, watch)
+        watch.add("all", began)
+        if isinstance(motion, Motion):
+            return "map", _dense(motion), "found", watch.ms["all"]
+        says = self._why(motion, world, problem)
+        if motion.outcome != "no_path":
+            return None, None, says, watch.ms["all"]
+        path = self._sampled(world, problem)
+        watch.add("all", began)
+        return ("fallback" if path is not None else None), path, says, watch.ms["all"]
+
+    def _sampled(self, world: World, problem: Problem) -> F64 | None:
+        """RRTConnect in the cells, every piece looked at by the one check."""
+        inside, state = self._fallback.world(world.cells, self._checker.safety_m), _seed(problem)
+        path = self._fallback.plan(inside, problem.q_start, problem.q_goal, state)
+        if path is None:
+            return None
+        for candidate in (self._fallback.simplify(inside, path, state), path):
+            if all(self._checker.segment(world.cells, a, b) for a, b in zip(candidate[:-1], candidate[1:], strict=True)):
+                return candidate
+        return None
+
+    def _why(self, nothing: NotFound, world: World, problem: Problem) -> str:
+        if nothing.outcome != "no_path":
+            return nothing.outcome
+        finder, ends = self._planner.finder, self._planner.finder.new_ends()
+        finder.join(world, problem.q_start, problem.q_goal, ends)
+        for end, (name, q) in enumerate((("start", problem.q_start), ("goal", problem.q_goal))):
+            near = ends.neuron[end, : ends.n[end]]
+            if not any(self._checker.segment(world.cells, q, finder.roadmap.neurons_rad[k]) for k in near):
+                return f"{name}_apart"
+        return "no_curve" if nothing.reason.startswith("no curve") else "cut"
+
+    def _in_cells(self, problem: Problem, cells: I32) -> str:
+        """What RRTConnect says in our cells, by our check."""
+        arranged = cells_of(self._parts.grid, cells)
+        for end, q in (("start", problem.q_start), ("goal", problem.q_goal)):
+            if self._parts.robot.limit_violation(q) or self._checker.pose(arranged, q)[0] != FREE:
+                return f"{end}_blocked"
+        world, state = self._rrt.world(arranged, self._checker.safety_m), _seed(problem)
+        began_s = time.thread_time()
+        while time.thread_time() - began_s < self._limit_s:
+            if self._rrt.plan(world, problem.q_start, problem.q_goal, state) is not None:
+                return "solved"
+        return "unsolved"
+
+    def _collides(self, problem: Problem, curve: F64) -> bool:
+        return Referee(self._parts.robot, list(problem.solids)).collides(at_steps(curve), np.empty((0, 2, 3)))
+
+
+def _seed(problem: Problem) -> U64:
+    return np.random.SeedSequence(problem.index).generate_state(4, np.uint64).astype(np.uint64)
+
+
+def _dense(motion: Motion) -> Any:
+    return motion.curve.sample(np.linspace(0.0, motion.curve.duration_s, DENSE * len(motion.curve.t_s)))[0]
+
+
+def _length(exact: Exact) -> float | None:
+    return None if exact.path_rad is None else path_length(exact.path_rad)
