@@ -38,7 +38,7 @@ I32 = NDArray[np.int32]
 Progress = Callable[[str, float], None]  # stage, share done 0..1
 
 STAGES = ("motions", "map", "prune", "table", "write")
-RULES_VERSION = 3  # raise when the same config would give another map
+RULES_VERSION = 4  # raise when the same config would give another map
 
 
 def _silent(stage: str, share: float) -> None:
