@@ -18,11 +18,18 @@ __all__ = ["arm_of", "body_levers", "pair_levers", "placed_solids", "solids_of",
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 FIELD_SPACING_M = 0.02  # our choice: 1 m^3 of it is half a megabyte
+# Bodies two joints apart may stand a centimetre from one another by construction, in whatever pose; the bounds of the check take that much.
+# Where a pair usually has less than this many margins, none is kept: what touches is still found. Our choice; measured: of the start and
+# goal poses of 490 UR5 problems a margin of 5 mm for such pairs forbids 25 %, none forbids 3 %.
+NEAR_MARGINS = 2.0
 FIELD_MARGIN_M = 0.1  # the voxels go so far beyond the solids, where their common box tells enough; our choice
 
 
 def arm_of(robot: RobotModel, *, static_margin_m: float, self_margin_m: float) -> Arm:
-    """The arm as the checks see it; immobile bodies stand in the world and are left out against cells and static layer."""
+    """The arm as the checks see it; immobile bodies stand in the world and are left out against cells and static layer.
+
+    ``self_margin_m`` is kept by pairs of bodies that usually have room for it.
+    """
     lever_m = body_levers(robot)
     return Arm(
         chain=robot.chain,
@@ -30,7 +37,7 @@ def arm_of(robot: RobotModel, *, static_margin_m: float, self_margin_m: float) -
         moving=np.array([not body.immobile for body in robot.bodies], dtype=np.uint8),
         pairs=robot.pairs,
         static_margin_m=float(static_margin_m),
-        self_margin_m=float(self_margin_m),
+        pair_margin_m=np.where(robot.pair_usual_m > NEAR_MARGINS * self_margin_m, float(self_margin_m), 0.0),
         lever_m=lever_m,
         pair_lever_m=pair_levers(robot, lever_m),
     )

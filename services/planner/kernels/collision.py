@@ -64,7 +64,7 @@ class Arm(NamedTuple):
     moving: U8  # (B,) 0 for bodies that stand in the world and are not checked against it
     pairs: I64  # (P, 2) bodies that can touch one another
     static_margin_m: float  # kept from exact static shapes
-    self_margin_m: float  # kept between bodies of the arm
+    pair_margin_m: F64  # (P,) kept between the two bodies
     lever_m: F64  # (B, J) farthest that any point of a body moves, in metres per radian of a joint, in any pose
     pair_lever_m: F64  # (P, J) the same for one body of a pair as seen from the other
 
@@ -203,7 +203,7 @@ def cells_that_hit(arm, cells, safety_m, rotation, translation, hit):  # type: i
 def pair_gap(arm, p, rotation, translation):  # type: ignore[no-untyped-def]
     """How far pair ``p``'s bodies may move against one another until they could touch (a lower bound, in metres); zero or less: now."""
     grids, a, b = arm.grids, arm.pairs[p, 0], arm.pairs[p, 1]
-    return pair_distance(grids, a, b, rotation, translation, arm.self_margin_m + PAIR_FINE_M) - arm.self_margin_m
+    return pair_distance(grids, a, b, rotation, translation, arm.pair_margin_m[p] + PAIR_FINE_M) - arm.pair_margin_m[p]
 
 
 @njit(cache=True, nogil=True)
