@@ -7,11 +7,9 @@ import math
 import numpy as np
 from numba import njit
 
-from common.robot.kernels import FAR, body_grid, look_up, to_joint_frame
+from common.robot.kernels import body_grid, look_near, to_joint_frame
 
 __all__ = ["cover_distance", "pair_distance", "to_parts", "to_world"]
-
-HALF_DIAGONAL = math.sqrt(3.0) / 2.0  # of a voxel, in its edges
 
 
 @njit(cache=True, nogil=True)
@@ -39,28 +37,15 @@ def pair_distance(grids, a, b, rotation, translation, fine_m):  # type: ignore[n
     for g in range(grids.group_offset[a], grids.group_offset[a + 1]):
         x, y, z = to_world(turn_a, shift_a, groups, g)
         x, y, z = to_joint_frame(turn_b, shift_b, x, y, z)
-        apart = _look_near(distance, grid, x, y, z) - groups[g, 3]
+        apart = look_near(distance, grid, x, y, z) - groups[g, 3]
         if apart > fine_m:
             best = min(best, apart)
             continue
         for s in range(first[g], first[g + 1]):
             x, y, z = to_world(turn_a, shift_a, spheres, s)
             x, y, z = to_joint_frame(turn_b, shift_b, x, y, z)
-            best = min(best, _look_near(distance, grid, x, y, z) - spheres[s, 3])
+            best = min(best, look_near(distance, grid, x, y, z) - spheres[s, 3])
     return best
-
-
-@njit(cache=True, nogil=True, inline="always")
-def _look_near(distance, grid, x, y, z):  # type: ignore[no-untyped-def]
-    """:func:`look_up`, closer: a voxel's bound is its centre's distance less half its diagonal; here less only the way to the centre.
-
-    What several bodies of an arm keep from one another by construction is little more than these bounds give away.
-    """
-    fx, fy, fz = (x - grid[1]) * grid[7], (y - grid[2]) * grid[7], (z - grid[3]) * grid[7]
-    if not (0.0 <= fx < grid[4] and 0.0 <= fy < grid[5] and 0.0 <= fz < grid[6]):
-        return FAR
-    dx, dy, dz = fx - int(fx) - 0.5, fy - int(fy) - 0.5, fz - int(fz) - 0.5
-    return look_up(distance, grid, x, y, z) + (HALF_DIAGONAL - math.sqrt(dx * dx + dy * dy + dz * dz)) / grid[7]
 
 
 @njit(cache=True, nogil=True)
