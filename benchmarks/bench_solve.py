@@ -18,6 +18,7 @@ from typing import Any
 
 from rich.progress import track
 
+from benchmarks.answers import fallback_of
 from benchmarks.provenance import provenance
 from benchmarks.solve_figures import figures, table
 from benchmarks.solving import Record, Solver
@@ -65,10 +66,11 @@ def run(args: argparse.Namespace) -> int:
     records: list[Record] = []
     maps: list[dict[str, Any]] = []
     for job, built, asked in _folds(args, Job.of(cell, config, problems=problems)):
-        parts = parts_of(job, built)
-        solver, chosen = Solver(parts, args.limit), asked[:: args.every]
-        solver.ask(chosen[0].problem)  # compiles what is not yet compiled
-        records += [solver.ask(p.problem) for p in track(chosen, "problems", transient=True, disable=not sys.stderr.isatty())]
+        parts, chosen = parts_of(job, built), asked[:: args.every]
+        with fallback_of(parts) as sample:
+            solver = Solver(parts, sample, args.limit)
+            solver.ask(chosen[0].problem)  # compiles what is not yet compiled
+            records += [solver.ask(p.problem) for p in track(chosen, "problems", transient=True, disable=not sys.stderr.isatty())]
         seen = set(built.figures.get("problems", ()))
         maps.append(
             {

@@ -4,32 +4,34 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.answers import Answerer
 from benchmarks.exact import Exact, ExactPlanner
+from benchmarks.questions import Question
 from benchmarks.referee import Referee, at_steps
 from services.planner.assemble import Parts
-from services.planner.core.found import NotFound, path_length
+from services.planner.core.find import PathFinder
+from services.planner.core.found import path_length
 from services.planner.core.lookup import BlockedCounts
-from services.planner.core.motion import Ask, Motion, Stopwatch
+from services.planner.core.motion import Motion
 from services.planner.core.rrt_connect import RrtConnect, RrtParameters
 from services.planner.core.world import World, cells_of
 from services.planner.kernels.collision import FREE
 from services.planner.offline.problems import Problem
 from services.planner.offline.solid_cells import solid_cells
+from services.planner.questions import Sampler
 
-__all__ = ["WAYS", "Record", "Solver", "Way"]
+__all__ = ["WAYS", "Record", "Solver"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U64 = NDArray[np.uint64]
-Way = Literal["map", "repair", "fallback"]
-WAYS: tuple[Way, ...] = ("map", "repair", "fallback")
+WAYS = ("map", "repair", "fallback")
 ROUND = 2000  # samples of RRTConnect; rounds of new seeds go on until the limit; our choice
-FALLBACK_ITERATIONS = 20_000  # samples; our choice
 DENSE = 20  # points of a curve a knot: straight pieces between them are the curve
 
 
@@ -42,8 +44,8 @@ class Record:
         exact: RRTConnect on the true shapes: solved, start_blocked, goal_blocked, unsolved.
         cells: the same in the cells that we plan in: solved (by RRTConnect, or by us), start_blocked, goal_blocked, unsolved.
         way: which of our ways answered; None: none did.
-        map_says: found, or why the map had no answer: start_blocked, goal_blocked, start_apart, goal_apart (that end joins no free
-            neuron), cut (both join, no way between), no_curve.
+        map_says: found, or why the map had no answer: start_blocked, goal_blocked, start_apart, goal_apart, start_and_goal_apart (that
+            end joins none of its nearest free neurons), cut (both join, but there is no way between, or no curve along it is free).
         ms: from cells to the answer, of the way that answered; without one, of all that was tried.
         length_rad, reference_rad: of our curve, and of RRTConnect's simplified path on the true shapes.
         collides: our curve, on the true shapes.
@@ -54,7 +56,7 @@ class Record:
     index: int
     exact: str
     cells: str
-    way: Way | None
+    way: str | None
     map_says: str
     ms: float
     length_rad: float | None
@@ -78,19 +80,18 @@ class Solver:
 
     Args:
         parts: map, robot, config.
+        sample: asks the fallback; None: there is none.
         limit_s: of processor time that RRTConnect gets to show that a problem can be solved; so a busy machine changes little.
     """
 
-    def __init__(self, parts: Parts, limit_s: float) -> None:
+    def __init__(self, parts: Parts, sample: Sampler | None, limit_s: float) -> None:
         self._parts, self._limit_s = parts, limit_s
-        self._planner = parts.motion_planner()
-        self._checker = parts.checker()
+        self._answerer = Answerer(parts, sample)
+        self._finder = PathFinder(parts.roadmap, parts.checker())
+        self._checker = self._finder.checker
         self._exact = ExactPlanner(parts.robot)
-        robot, arm, solids = parts.robot, self._checker.arm, self._checker.solids
-        parameters = RrtParameters(max_iterations=ROUND)
-        self._rrt = RrtConnect(arm, solids, robot.position_min_rad, robot.position_max_rad, parameters)
-        longer = RrtParameters(max_iterations=FALLBACK_ITERATIONS)
-        self._fallback = RrtConnect(arm, solids, robot.position_min_rad, robot.position_max_rad, longer)
+        low, high = parts.robot.position_min_rad, parts.robot.position_max_rad
+        self._rrt = RrtConnect(self._checker.arm, self._checker.solids, low, high, RrtParameters(max_iterations=ROUND))
 
     def ask(self, problem: Problem) -> Record:
         """All that is to be known of one problem."""
@@ -111,49 +112,31 @@ class Solver:
             n_cells=len(cells),
         )
 
-    def _answer(self, problem: Problem, cells: I32) -> tuple[Way | None, F64 | None, str, float]:
-        """Way, points of the curve (K, J), what the map said, milliseconds."""
-        config, roadmap, watch = self._parts.config, self._parts.roadmap, Stopwatch(time.perf_counter_ns)
-        counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
+    def _answer(self, problem: Problem, cells: I32) -> tuple[str | None, F64 | None, str, float]:
+        """Way, points of the curve (K, J), what the map said, milliseconds from cells to the answer."""
         for end, q in (("start", problem.q_start), ("goal", problem.q_goal)):
             if self._parts.robot.limit_violation(q):
                 return None, None, f"{end}_out_of_limits", 0.0
-        began = watch.clock_ns()
-        counts.set_cells(np.setdiff1d(cells, roadmap.table.unavoidable, assume_unique=True))
-        world = World.of(self._parts.grid, counts)
-        ask = Ask(problem.q_start, problem.q_goal, None, config.rules, config.search, config.smoothing.smooth)
-        motion = self._planner.answer(world, ask, watch)
-        watch.add("all", began)
+        avoidable = np.setdiff1d(cells, self._parts.roadmap.table.unavoidable, assume_unique=True)
+        asked = self._answerer.answer(Question(problem.index, problem.q_start, problem.q_goal, np.empty((0, 2, 3)), avoidable))
+        ms, motion = asked.ms["answer"], asked.motion
         if isinstance(motion, Motion):
-            return "map", _dense(motion), "found", watch.ms["all"]
-        says = self._why(motion, world, problem)
-        if motion.outcome != "no_path":
-            return None, None, says, watch.ms["all"]
-        path = self._sampled(world, problem)
-        watch.add("all", began)
-        return ("fallback" if path is not None else None), path, says, watch.ms["all"]
+            return asked.way, _dense(motion), "found" if asked.way == "map" else self._why(problem, avoidable), ms
+        return None, None, self._why(problem, avoidable) if motion.outcome == "no_path" else motion.outcome, ms
 
-    def _sampled(self, world: World, problem: Problem) -> F64 | None:
-        """RRTConnect in the cells, every piece looked at by the one check."""
-        inside, state = self._fallback.world(world.cells, self._checker.safety_m), _seed(problem)
-        path = self._fallback.plan(inside, problem.q_start, problem.q_goal, state)
-        if path is None:
-            return None
-        for candidate in (self._fallback.simplify(inside, path, state), path):
-            if all(self._checker.segment(world.cells, a, b) for a, b in zip(candidate[:-1], candidate[1:], strict=True)):
-                return candidate
-        return None
-
-    def _why(self, nothing: NotFound, world: World, problem: Problem) -> str:
-        if nothing.outcome != "no_path":
-            return nothing.outcome
-        finder, ends = self._planner.finder, self._planner.finder.new_ends()
-        finder.join(world, problem.q_start, problem.q_goal, ends)
+    def _why(self, problem: Problem, cells: I32) -> str:
+        """Why the map alone has no answer, both ends being free."""
+        roadmap = self._parts.roadmap
+        counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
+        counts.set_cells(cells)
+        world, ends = World.of(self._parts.grid, counts), self._finder.new_ends()
+        self._finder.join(world, problem.q_start, problem.q_goal, ends)
+        apart = []
         for end, (name, q) in enumerate((("start", problem.q_start), ("goal", problem.q_goal))):
             near = ends.neuron[end, : ends.n[end]]
-            if not any(self._checker.segment(world.cells, q, finder.roadmap.neurons_rad[k]) for k in near):
-                return f"{name}_apart"
-        return "no_curve" if nothing.reason.startswith("no curve") else "cut"
+            if not any(self._checker.segment(world.cells, q, roadmap.neurons_rad[k]) for k in near):
+                apart.append(name)
+        return "cut" if not apart else f"{'_and_'.join(apart)}_apart"
 
     def _in_cells(self, problem: Problem, cells: I32) -> str:
         """What RRTConnect says in our cells, by our check."""
