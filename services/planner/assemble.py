@@ -55,7 +55,7 @@ class Parts:
         """What the rows of the table depend on."""
         margins = self.config.margins
         arm = arm_of(self.robot, static_margin_m=margins.static_m, self_margin_m=margins.self_m)
-        return Ground(arm, self.grid, margins.safety_m, margins.step_m)
+        return Ground(arm, self.grid, margins.safety_m, margins.edge_step_m)
 
     def on(self, roadmap: Roadmap) -> Parts:
         """The same with another roadmap: one that has grown."""

@@ -57,6 +57,7 @@ class ProblemsConfig(Strict, frozen=True):
     # 2 mm, in 0.77 with 5 mm.
     safety_m: Annotated[float, Meta(ge=0, le=0.005)] = 0.002
     step_m: Annotated[float, Meta(gt=0, le=0.01)] = 0.004  # no point is farther than half of it from a checked pose: the safety distance
+    table_step_m: Annotated[float, Meta(gt=0, le=0.1)] = 0.015  # our choice: a table in a quarter of the time that step_m would take
     self_m: Annotated[float, Meta(ge=0, le=0.005)] = 0.0  # the spheres that are checked stick out as it is; our choice
     clearance_m: Annotated[float, Meta(ge=0, le=0.1)] = 0.0  # kept by training motions from the true shapes, besides what spheres stick out
     n_neurons: Annotated[int, Meta(ge=4, le=MOST_NEURONS)] = 10_000  # paper

@@ -78,6 +78,6 @@ def table_of(scene: Scene, learned: CognitiveMap, progress: Callable[[float], No
         learned.q_rad,
         learned.edges,
         safety_m=scene.margins.safety_m,
-        step_m=scene.margins.step_m,
+        step_m=scene.margins.edge_step_m,
         progress=lambda done, total: progress(done / total),
     )

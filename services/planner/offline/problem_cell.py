@@ -31,7 +31,7 @@ def problem_cell(cell: CellConfig, config: PlannerConfig) -> tuple[CellConfig, P
     tool = ToolConfig(solids=[box], tcp_position_m=(0.0, 0.0, z))
     robot = msgspec.structs.replace(cell.robot, tool=tool)
     bare = msgspec.structs.replace(cell, robot=robot, static=[], poses={})
-    margins = MarginsConfig(safety_m=p.safety_m, step_m=p.step_m, static_m=p.clearance_m, self_m=p.self_m)
+    margins = MarginsConfig(safety_m=p.safety_m, step_m=p.step_m, table_step_m=p.table_step_m, static_m=p.clearance_m, self_m=p.self_m)
     changed = msgspec.structs.replace(
         config,
         margins=margins,

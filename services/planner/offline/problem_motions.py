@@ -35,9 +35,9 @@ __all__ = ["ProblemMotionMaker", "ProblemOrder", "TrainingProblem", "training_pr
 
 F64 = NDArray[np.float64]
 
-MAX_ITERATIONS = 3000  # of RRTConnect; our choice: what takes longer is passed through too narrow a place to be learned often
+MAX_ITERATIONS = 3000  # of RRTConnect; our choice: what takes longer leads through too narrow a place to be met often
 SHORTCUTS = 10  # as for the motions of a cell
-MOVES = 8  # draws of a moved scene until one leaves both ends free and can be planned; our choice
+MOVES = 8  # draws of a moved scene until one leaves both ends free; our choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +120,12 @@ class ProblemMotionMaker:
                 continue
             planner = self._planner_among(moved.solids)
             world = planner.world(self._nothing, 0.0)
+            if not (planner.is_free(world, moved.q_start) and planner.is_free(world, moved.q_goal)):
+                continue
             path = planner.plan(world, moved.q_start, moved.q_goal, state)
             if path is not None:
                 return planner.simplify(world, path, state)
+            break  # another scene is another motion's
         return np.empty((0, self._scene.robot.n_joints))
 
     def _planner_among(self, solids: tuple[SolidConfig, ...]) -> RrtConnect:
