@@ -26,13 +26,11 @@ from clients.cli.options import add_cell_arguments
 from common.cell import load
 from common.config import plain
 from common.errors import RequestError
-from services.planner.assemble import parts_of
+from services.planner.assemble import Parts, parts_of
 from services.planner.config import PlannerConfig
 from services.planner.offline.build import Built, Job, load_file, load_or_build
-from services.planner.offline.problem_cell import problem_cell
-from services.planner.offline.problem_motions import TrainingProblem, training_problems
-from services.planner.offline.problems import read_problems
-from services.planner.offline.scene import Scene
+from services.planner.offline.problem_job import problem_job
+from services.planner.offline.problem_motions import TrainingProblem
 
 __all__ = ["add_arguments", "run"]
 
@@ -58,41 +56,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Ask, judge, print, write."""
-    base, base_config = load(args.config, "planner", PlannerConfig, args.set)
-    cell, config = problem_cell(base, base_config)
-    scene = Scene.of(cell, config.margins)
-    robot = cell.robot
-    problems = training_problems(read_problems(args.problems, scene.robot.joint_names, (robot.base_position_m, robot.base_rpy_rad)))
+    whole = problem_job(*load(args.config, "planner", PlannerConfig, args.set), args.problems)
     records: list[Record] = []
     maps: list[dict[str, Any]] = []
-    for job, built, asked in _folds(args, Job.of(cell, config, problems=problems)):
-        parts, chosen = parts_of(job, built), asked[:: args.every]
-        with fallback_of(parts) as sample:
-            solver = Solver(parts, sample, args.limit)
-            solver.ask(chosen[0].problem)  # compiles what is not yet compiled
-            records += [solver.ask(p.problem) for p in track(chosen, "problems", transient=True, disable=not sys.stderr.isatty())]
+    for job, built, asked in _folds(args, whole):
+        chosen = asked[:: args.every]
+        records += _ask(parts_of(job, built), chosen, args.limit)
         seen = set(built.figures.get("problems", ()))
-        maps.append(
-            {
-                "sha256": built.sha256,
-                "neurons": parts.roadmap.n_neurons,
-                "asked": len(chosen),
-                "asked_and_trained_on": sum(p.digest in seen for p in chosen),
-            }
-        )
-    sets = {name: figures(list(group)) for name, group in groupby(sorted(records, key=lambda r: r.set_name), key=lambda r: r.set_name)}
+        n_seen = sum(p.digest in seen for p in chosen)
+        maps.append({"sha256": built.sha256, "neurons": built.learned.n_neurons, "asked": len(chosen), "asked_and_trained_on": n_seen})
+    by_set = sorted(records, key=lambda r: r.set_name)
+    sets = {name: figures(list(group)) for name, group in groupby(by_set, key=lambda r: r.set_name)}
     sets["all"] = figures(records)
     print(table(sets))
     if args.json is not None:
-        report = {
-            **provenance(config.problems.seed, plain(config)),
-            "limit_s": args.limit,
-            "maps": maps,
-            "sets": sets,
-            "problems": [asdict(r) for r in records],
-        }
+        header = provenance(whole.config.problems.seed, plain(whole.config))
+        report = {**header, "limit_s": args.limit, "maps": maps, "sets": sets, "problems": [asdict(r) for r in records]}
         args.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
     return 0
+
+
+def _ask(parts: Parts, problems: list[TrainingProblem], limit_s: float) -> list[Record]:
+    with fallback_of(parts) as sample:
+        solver = Solver(parts, sample, limit_s)
+        solver.ask(problems[0].problem)  # compiles what is not yet compiled
+        return [solver.ask(p.problem) for p in track(problems, "problems", transient=True, disable=not sys.stderr.isatty())]
 
 
 def _folds(args: argparse.Namespace, job: Job) -> Iterator[tuple[Job, Built, list[TrainingProblem]]]:

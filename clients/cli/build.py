@@ -8,6 +8,7 @@ import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,9 +25,7 @@ from services.planner.offline.build import STAGES, Built, Job, load
 from services.planner.offline.build import Progress as OnProgress
 from services.planner.offline.build import run as build
 from services.planner.offline.growth import parameters_of
-from services.planner.offline.problem_cell import problem_cell
-from services.planner.offline.problem_motions import training_problems
-from services.planner.offline.problems import read_problems
+from services.planner.offline.problem_job import problem_job
 
 __all__ = ["add_arguments", "run"]
 
@@ -63,14 +62,8 @@ def run(args: argparse.Namespace) -> int:
     """0: the map is there."""
     overrides = [*(QUICK if args.quick else []), *args.set]
     shared, config = cell.load(args.config, "planner", PlannerConfig, overrides)
-    if args.problems is None:
-        job = Job.of(shared, config, args.motions)
-    else:
-        shared, config = problem_cell(shared, config)
-        job = Job.of(shared, config, args.motions)
-        robot = shared.robot
-        base = robot.base_position_m, robot.base_rpy_rad
-        job = job.on(training_problems(read_problems(args.problems, job.scene.robot.joint_names, base)))
+    make = partial(problem_job, path=args.problems) if args.problems is not None else Job.of
+    job = make(shared, config, recorded=args.motions)
     seconds: dict[str, float] = {}
     built = None if args.force else _kept(job)
     if built is None:
@@ -79,7 +72,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out is not None:
         shutil.copyfile(built.path, args.out)
     report = {
-        **provenance(parameters_of(config).seed, load_tables(args.config, overrides)),
+        **provenance(parameters_of(job.config).seed, load_tables(args.config, overrides)),
         **built.figures,
         "seconds": seconds.get("total"),
         "seconds_of": seconds,
