@@ -9,7 +9,7 @@ PYTHON ?= $(shell command -v python3.11 || command -v python3)
 # How long the demo plays; 0: until Ctrl-C.
 SECONDS ?= 120
 
-.PHONY: help setup demo test lint integration bench clean
+.PHONY: help setup demo test lint integration bench paper clean
 
 help: ## print this list
 	@grep -hE '^[a-z]+:.*## ' $(MAKEFILE_LIST) | sed -E 's/^([a-z]+):.*## (.*)/  make \1\t\2/' | expand -t 20
@@ -42,6 +42,9 @@ bench: $(STAMP) ## the figures of README, one JSON each, into report/
 	$(BIN)/tolman build --force --json report/build.json
 	for set in task off_task wall; do $(BIN)/tolman bench replan --set $$set --n 500 --json report/replan-$$set.json || exit 1; done
 	for seed in 0 1 2 3 4; do $(BIN)/tolman demo --headless --seconds 120 --seed $$seed --json report/demo-$$seed.json || exit 1; done
+
+paper: $(STAMP) ## the paper's experiments beside ours, as a report in report/ (45 minutes; trains the maps first)
+	$(BIN)/tolman paper --out report
 
 clean: ## remove what setup made
 	rm -rf $(VENV) report

@@ -16,10 +16,9 @@ from services.planner.assemble import Parts
 from services.planner.core.found import NotFound, Way
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, Stopwatch
-from services.planner.core.ways import Thinking, ThinkingRules, think
+from services.planner.core.ways import Sampler, Thinking, ThinkingRules, think
 from services.planner.core.world import World
 from services.planner.fallback.process import FallbackProcess
-from services.planner.questions import Sampler, no_sampler
 
 __all__ = ["Answer", "Answerer", "fallback_of"]
 
@@ -45,14 +44,14 @@ class Answerer:
 
     Args:
         parts: map, robot, config.
-        sample: asks the fallback; None: there is none.
+        sampler: puts questions to the fallback; None: there is none.
         ways: which are asked; None: as configured.
     """
 
-    def __init__(self, parts: Parts, sample: Sampler | None, ways: Sequence[Way] | None = None) -> None:
-        self._parts, self._sample = parts, sample or no_sampler
+    def __init__(self, parts: Parts, sampler: Sampler | None, ways: Sequence[Way] | None = None) -> None:
+        self._parts, self._sampler = parts, sampler
         self._planner = parts.motion_planner()
-        ways = [way for way in ways or parts.config.ways if way != "fallback" or sample is not None]
+        ways = [way for way in ways or parts.config.ways if way != "fallback" or sampler is not None]
         self._rules = replace(ThinkingRules.of(parts.config), ways=ways)
 
     def answer(self, question: Question) -> Answer:
@@ -68,7 +67,7 @@ class Answerer:
         motion = self._planner.answer(world, ask, watch)
         if isinstance(motion, NotFound) and motion.outcome == "no_path" and config.rules == "checked":
             thinking = Thinking(self._planner, world, ask, question.q_goal[None], self._rules, motion.reason)
-            motion = think(thinking, world, watch, self._sample)
+            motion = think(thinking, world, watch, self._sampler)
         watch.add("answer", began)
         watch.ms["connect_search"] = watch.ms["update"] + watch.ms["search"] + watch.ms.get("repair", 0.0)
         return Answer(motion, watch.ms)
@@ -88,6 +87,6 @@ def fallback_of(parts: Parts) -> Iterator[Sampler | None]:
     try:
         if not process.wait_ready(READY_WITHIN_S):
             raise TolmanError(f"the fallback process was not ready within {READY_WITHIN_S:g} s", code="no_fallback")
-        yield process.ask_and_wait
+        yield process.send
     finally:
         process.close()

@@ -86,8 +86,8 @@ def run(args: argparse.Namespace) -> int:
 def _solved(parts: Parts, by_map: Answerer, asked: list[Question]) -> list[tuple[Question, F64]]:
     """The questions that the map alone did not answer and all ways did, with the paths."""
     solved = []
-    with fallback_of(parts) as sample:
-        by_all = Answerer(parts, sample)
+    with fallback_of(parts) as sampler:
+        by_all = Answerer(parts, sampler)
         for question in track(asked, "questions to learn", transient=True):
             if by_map.answer(question).way is None:
                 motion = by_all.answer(question).motion

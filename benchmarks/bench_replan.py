@@ -23,21 +23,18 @@ from benchmarks.answers import Answer, Answerer, fallback_of
 from benchmarks.provenance import provenance
 from benchmarks.questions import SETS, Question, questions
 from benchmarks.referee import Referee, at_steps
+from benchmarks.solvable import is_solvable
 from common.cell import load
 from common.config import plain
-from services.planner.assemble import Parts, assemble
+from services.planner.assemble import assemble
 from services.planner.config import PlannerConfig
-from services.planner.core.arm import solids_of
 from services.planner.core.motion import Motion
-from services.planner.core.rrt_connect import RrtConnect, RrtParameters
-from services.planner.core.world import cells_of
 from services.planner.rehearsal import rehearse
 
 __all__ = ["add_arguments", "run"]
 
-SOLVE_S = 5.0  # issue
+
 WITHIN_S = (1.0, 5.0)  # issue
-ITERATIONS = 20_000  # a round of RRTConnect; rounds go on until SOLVE_S
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -57,14 +54,16 @@ def run(args: argparse.Namespace) -> int:
     parts = assemble(cell, config)
     rehearse(parts, time.monotonic_ns)
     asked = list(track(questions(parts, args.name, args.n, args.seed), "questions", total=args.n, transient=True, disable=args.once))
-    with fallback_of(parts) as sample:
-        answerer = Answerer(parts, sample)
+    with fallback_of(parts) as sampler:
+        answerer = Answerer(parts, sampler)
         answers = [answerer.answer(question) for question in _shown(asked, "answers", hide=args.once)]
     digest = _digest(answers)
     if args.once:
         print(digest)
         return 0
-    solvable = [_solvable(parts, question, answer) for question, answer in zip(_shown(asked, "solvable?"), answers, strict=True)]
+    solvable = [  # what we solved needs no proof
+        answer.way is not None or is_solvable(parts, question) for question, answer in zip(_shown(asked, "solvable?"), answers, strict=True)
+    ]
     referee = Referee(parts.robot, cell.static)
     collisions = 0
     for question, answer in zip(_shown(asked, "referee"), answers, strict=True):
@@ -81,26 +80,6 @@ def run(args: argparse.Namespace) -> int:
 
 def _shown(asked: list[Question], what: str, *, hide: bool = False) -> Any:
     return track(asked, what, transient=True, disable=hide)
-
-
-def _solvable(parts: Parts, question: Question, answer: Answer) -> bool:
-    """Whether RRTConnect solves it under the same inflation; what we solved needs no proof."""
-    if answer.way is not None:
-        return True
-    rrt = RrtConnect(
-        parts.checker().arm,
-        solids_of(parts.cell.static),
-        parts.robot.position_min_rad,
-        parts.robot.position_max_rad,
-        RrtParameters(max_iterations=ITERATIONS),
-    )
-    world = rrt.world(cells_of(parts.grid, question.cells), parts.config.margins.safety_m)
-    state = np.random.SeedSequence(question.index).generate_state(4, np.uint64).astype(np.uint64)
-    began = time.monotonic()
-    while time.monotonic() - began < SOLVE_S:
-        if rrt.plan(world, question.q_start, question.q_goal, state) is not None:
-            return True
-    return False
 
 
 def _dense(motion: Motion) -> Any:

@@ -53,8 +53,16 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="a map for the scenes of these problems (MotionBenchMaker's, as JSON) instead of the cell",
     )
     parser.add_argument("--out", type=Path, metavar="FILE", help="also write the map there")
-    parser.epilog = """A map made with --motions is another map: a stack takes it when its config names the same files,
-    tolman up --set 'planner.taught=["FILE"]'."""
+    parser.add_argument(
+        "--extend",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="FILE",
+        help="keep the map and let it grow on these motions too (by planner.extend.n_added neurons); a gas only, a SOM cannot",
+    )
+    parser.epilog = """A map made with --motions or --extend is another map: a stack takes it when its config names the same files,
+    tolman up --set 'planner.taught=["FILE"]' or --set 'planner.extend.motions=["FILE"]'."""
     add_cell_arguments(parser)
 
 
@@ -63,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
     overrides = [*(QUICK if args.quick else []), *args.set]
     shared, config = cell.load(args.config, "planner", PlannerConfig, overrides)
     make = partial(problem_job, path=args.problems) if args.problems is not None else Job.of
-    job = make(shared, config, recorded=args.motions)
+    job = make(shared, config, recorded=args.motions, extension=args.extend)
     seconds: dict[str, float] = {}
     built = None if args.force else _kept(job)
     if built is None:
@@ -127,5 +135,6 @@ def _describe(built: Built, seconds: dict[str, float]) -> str:
         return f"{value:.4g}" if isinstance(value, float) else str(value)
 
     lines = [f"  {name:<24} {word(value)}" for name, value in built.figures.items() if not isinstance(value, list)]
-    how = f"made in {seconds['total']:.0f} s" if seconds else "was there already"
+    verb = "extended" if "extend" in seconds else "made"
+    how = f"{verb} in {seconds['total']:.0f} s" if seconds else "was there already"
     return "\n".join([f"{built.path} {how}", *lines, f"  {'sha256':<24} {built.sha256}"])

@@ -44,6 +44,7 @@ COMMANDS: dict[str, Command] = {
     "map": Command("clients.cli.map", "what the map has learned since it was built, and undoing it"),
     "build": Command("clients.cli.build", "make the cognitive map and its table"),
     "bench": Command("clients.cli.bench", "measure the figures of README"),
+    "paper": Command("clients.cli.paper", "repeat the paper's experiments: tables, figures and claims beside ours"),
     "doctor": Command("clients.cli.doctor", "say what is missing on this machine, and the line that mends it"),
 }
 

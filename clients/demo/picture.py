@@ -18,7 +18,7 @@ from clients.demo.moment import Moment
 from common.cell import SolidConfig
 from common.robot.solids import box_mesh, mesh_of_solid
 
-__all__ = ["draw"]
+__all__ = ["draw", "draw_into"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -37,18 +37,23 @@ def draw(moment: Moment, arm: Arm, fixed: Sequence[SolidConfig], path: Path) -> 
     figure = Figure(figsize=(9.6, 6.6), dpi=130)
     FigureCanvasAgg(figure)
     axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
+    draw_into(axes, moment, arm, fixed)
+    axes.plot([], [], color=VOXELS, linewidth=8, label="seen by the cameras")
+    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.97), frameon=False, fontsize=12)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path)
+
+
+def draw_into(axes: Any, moment: Moment, arm: Arm, fixed: Sequence[SolidConfig]) -> None:
+    """Draw a moment into 3-D axes that were made with ``computed_zorder=False``."""
     _add_table(axes)
     _add_meshes(axes, [*_bins(fixed), *_voxels(moment), *_arm(moment.q_rad, arm)])
     _add_path(axes, arm, moment.planned_q_rad, PLANNED, "planned")
     _add_path(axes, arm, moment.driven_q_rad, DRIVEN, "driven")
-    axes.plot([], [], color=VOXELS, linewidth=8, label="seen by the cameras")
     axes.set(xlim=LIMITS_M[0], ylim=LIMITS_M[1], zlim=LIMITS_M[2])
     axes.set_box_aspect([high - low for low, high in LIMITS_M], zoom=1.3)
     axes.view_init(elev=ELEVATION_DEG, azim=AZIMUTH_DEG)
     axes.set_axis_off()
-    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.97), frameon=False, fontsize=12)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    figure.savefig(path)
 
 
 def _bins(fixed: Sequence[SolidConfig]) -> Iterator[Mesh]:

@@ -15,7 +15,7 @@ from clients.demo.script import acts, goals
 from clients.monitor import Monitor
 from clients.waiting import GOAL_ENDS, wait_until
 from common.bus.session import Bus, RemoteError
-from common.wire.messages import Ack, Clearance, Empty, GoalAccepted, PlannerEvent, PlannerStatus, RobotState, SetObstacle
+from common.wire.messages import Ack, Clearance, Empty, GoalAccepted, Message, PlannerEvent, PlannerStatus, RobotState, SetObstacle
 
 __all__ = ["DemoRun"]
 
@@ -31,6 +31,7 @@ class DemoRun:
         self.keeper = MomentKeeper(arm)
         self.monitor = Monitor(bus)
         self.driver = Driver(goals(seed, config), acts(seed, config), patience_s=config.goal_patience_s)
+        self.watchers: list[Callable[[Message], None]] = []  # called with every message of every state channel
         self.elapsed_s = 0.0
         self._bus = bus
         self._arm = arm
@@ -68,6 +69,8 @@ class DemoRun:
         for received in self.monitor.update():
             self.collector.observe(received.message)
             self.keeper.observe(received.message)
+            for watch in self.watchers:
+                watch(received.message)
         ended = {}
         for event in (received.message for received in self._events.take_all()):
             self.collector.observe_event(event)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from common.cell import CellConfig
 from common.geometry.grid import Grid
@@ -20,6 +21,8 @@ from services.planner.core.roadmap import Roadmap
 from services.planner.core.timing import Limits
 from services.planner.core.vision import Vision
 from services.planner.core.world import no_cells
+from services.planner.kernels.collision import Arm
+from services.planner.kernels.static_layer import Solids
 from services.planner.offline.build import Built, Job, load_or_build
 
 __all__ = ["Parts", "assemble", "parts_of"]
@@ -38,12 +41,23 @@ class Parts:
     roadmap: Roadmap
     built: Built
 
+    @cached_property
+    def arm(self) -> Arm:
+        """The arm as the checks see it."""
+        margins = self.config.margins
+        return arm_of(self.robot, static_margin_m=margins.static_m, self_margin_m=margins.self_m)
+
+    @cached_property
+    def solids(self) -> Solids:
+        """The static layer as the checks see it; its field of distances takes a third of a second."""
+        return solids_of(self.cell.static)
+
     def checker(self) -> Checker:
         """A new checker with its own scratch."""
         margins = self.config.margins
         return Checker(
-            arm_of(self.robot, static_margin_m=margins.static_m, self_margin_m=margins.self_m),
-            solids_of(self.cell.static),
+            self.arm,
+            self.solids,
             safety_m=margins.safety_m,
             step_m=margins.step_m,
             body_names=[body.name for body in self.robot.bodies],
@@ -54,8 +68,7 @@ class Parts:
     def ground(self) -> Ground:
         """What the rows of the table depend on."""
         margins = self.config.margins
-        arm = arm_of(self.robot, static_margin_m=margins.static_m, self_margin_m=margins.self_m)
-        return Ground(arm, self.grid, margins.safety_m, margins.edge_step_m)
+        return Ground(self.arm, self.grid, margins.safety_m, margins.edge_step_m)
 
     def on(self, roadmap: Roadmap) -> Parts:
         """The same with another roadmap: one that has grown."""

@@ -27,9 +27,10 @@ from services.planner.core.growth import Addition, grown
 from services.planner.core.learning import LearningRules, check_path, learn, usual_spacing
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.reflex import Reflex
+from services.planner.core.ways import Sampler
 from services.planner.core.world import no_cells
 from services.planner.memory import Memory
-from services.planner.questions import QuestionDesk, Sampler
+from services.planner.questions import QuestionDesk
 
 __all__ = ["Learned", "Learner", "Lesson", "Student"]
 
@@ -80,11 +81,11 @@ class Student:
     Args:
         memory: the map to begin with and its journal.
         reflex: the live planner; of it only the live cells and its checker are taken, to prepare what is exchanged.
-        sample: for the desk of questions; see there.
+        sampler: for the desk of questions; see there.
     """
 
-    def __init__(self, memory: Memory, reflex: Reflex, sample: Sampler | None = None) -> None:
-        self._sample = sample
+    def __init__(self, memory: Memory, reflex: Reflex, sampler: Sampler | None = None) -> None:
+        self._sampler = sampler
         self._parts, self._journal, self._complaint = memory.parts, memory.journal, memory.complaint
         self._reflex = reflex
         self._checker = memory.parts.checker()
@@ -138,9 +139,10 @@ class Student:
         counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
         counts.set_cells(self._reflex.vision.counts.cells)
         finder = PathFinder(roadmap, self._reflex.checker)  # the loop's own checker: only the loop will use this finder
-        return Learned(lesson, reply, parts, QuestionDesk(parts, monotonic_ns, self._sample), finder, counts)
+        return Learned(lesson, reply, parts, QuestionDesk(parts, monotonic_ns, self._sampler), finder, counts)
 
     def _checked(self, lesson: Lesson) -> F64:
+        _refuse_lattice(self._parts.roadmap.model)
         most = self._parts.config.learning.max_samples
         if len(lesson.label) > MAX_LABEL:
             raise RequestError(f"label: {len(lesson.label)} characters, at most {MAX_LABEL}", code="too_long")
@@ -164,6 +166,16 @@ class Student:
             config.join_max_rad,
             max_neurons=room,
             exactly=lesson.source != "taught",
+        )
+
+
+def _refuse_lattice(model: str) -> None:
+    if model != "gng":
+        raise RequestError(
+            f"planner/learn: a {model} has a fixed grid, in which a further neuron has no place: it cannot be extended; train it anew "
+            "on the motion (tolman build --motions), or run a gng",
+            code="cannot_extend",
+            facts={"model": model},
         )
 
 

@@ -33,8 +33,11 @@ def journal_of(parts: Parts) -> Journal:
 
 
 def recall(parts: Parts) -> Memory:
-    """Replay the journal on the built map; the map as it was built where it cannot be used or is not wanted (``learning.keep``)."""
-    if not parts.config.learning.keep:
+    """Replay the journal on the built map; the map as it was built where it cannot be used or is not wanted (``learning.keep``).
+
+    A SOM or gamma-SOM learns nothing while it runs (:mod:`services.planner.learner`), so it has no journal.
+    """
+    if not parts.config.learning.keep or parts.roadmap.model != "gng":
         return Memory(parts, None)
     try:
         journal = journal_of(parts)

@@ -16,14 +16,13 @@ from services.planner.core.found import NotFound, Way
 from services.planner.core.goals import GoalResolver
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, Stopwatch
-from services.planner.core.ways import SamplingAnswer, SamplingQuestion, Thinking, ThinkingRules, think
+from services.planner.core.ways import Sampler, Thinking, ThinkingRules, think
 from services.planner.core.world import World
 
-__all__ = ["QuestionDesk", "Sampler", "branches_of"]
+__all__ = ["QuestionDesk", "branches_of"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
-Sampler = Callable[[SamplingQuestion], SamplingAnswer]
 
 
 def branches_of(goal: SetGoal, resolver: GoalResolver) -> F64:
@@ -48,14 +47,14 @@ class QuestionDesk:
     Args:
         parts: map, robot, config.
         clock_ns: for timings alone.
-        sample: asks the fallback and waits for it; None: there is none.
+        sampler: puts questions to the fallback; None: there is none.
     """
 
-    def __init__(self, parts: Parts, clock_ns: Callable[[], int], sample: Sampler | None = None) -> None:
+    def __init__(self, parts: Parts, clock_ns: Callable[[], int], sampler: Sampler | None = None) -> None:
         self._parts = parts
-        ways = [way for way in parts.config.ways if way != "fallback" or sample is not None]
+        ways = [way for way in parts.config.ways if way != "fallback" or sampler is not None]
         self._rules = replace(ThinkingRules.of(parts.config), ways=ways)
-        self._sample = sample or no_sampler
+        self._sampler = sampler
         self._clock_ns = clock_ns
         self._planner = parts.motion_planner()
         self._resolver = parts.goal_resolver()
@@ -105,7 +104,7 @@ class QuestionDesk:
         if ask.rules == "paper" or not no_path:
             return refusals[0]
         thinking = Thinking(self._planner, world, ask, branches, replace(self._rules, ways=ways), no_path[0].reason)
-        return think(thinking, world, watch, self._sample)
+        return think(thinking, world, watch, self._sampler)
 
     def _start(self, request: PlanRequest, q_now: F64 | None) -> F64:
         if request.q_start_rad is None:
@@ -130,11 +129,6 @@ class QuestionDesk:
             bad = int(flat[0] if flat[0] < 0 else flat[-1])
             raise RequestError(f"cells: {bad} is outside 0..{grid.n_cells - 1}", code="out_of_range")
         return flat
-
-
-def no_sampler(_question: SamplingQuestion) -> SamplingAnswer:
-    """For who has no fallback."""
-    return SamplingAnswer(None, "there is no fallback", 0, 0.0)
 
 
 def _reply(motion: Motion, smooth: bool, timing_ms: dict[str, float]) -> PlanReply:

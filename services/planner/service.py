@@ -36,7 +36,8 @@ from common.wire.messages import (
 )
 from services.planner.assemble import assemble
 from services.planner.config import PlannerConfig
-from services.planner.core.reflex import Event, Goal, Reflex
+from services.planner.core.reflex import Reflex
+from services.planner.core.report import Event, Goal
 from services.planner.core.underway import ArmState, Sent
 from services.planner.fallback.courier import Courier
 from services.planner.fallback.process import FallbackProcess
@@ -83,14 +84,14 @@ class Planner:
         self._resolver = self._parts.goal_resolver()
         self._reflex: Reflex = self._parts.reflex(monotonic_ns, f"{self._bus.epoch:x}")
         self._fallback = FallbackProcess(self._cell, self._config.margins) if "fallback" in self._config.ways else None
-        sample = self._fallback.ask_and_wait if self._fallback is not None else None
+        sampler = self._fallback.send if self._fallback is not None else None
         self._courier = Courier(self._fallback, self._bus.wake.set) if self._fallback is not None else None
         rehearse(self._parts, monotonic_ns)
-        student = Student(self._memory, self._reflex, sample)
+        student = Student(self._memory, self._reflex, sampler)
         rehearse_learning(student, self._parts)
         sys.setswitchinterval(SWITCH_S)
         self._learner = Learner(student, self._config.learning.max_waiting, self._bus.wake.set)
-        self._questions = _Worker(QuestionDesk(self._parts, monotonic_ns, sample), self._vitals, self._learn_way)
+        self._questions = _Worker(QuestionDesk(self._parts, monotonic_ns, sampler), self._vitals, self._learn_way)
         self._open_inboxes()
 
     def _open_inboxes(self) -> None:
@@ -217,6 +218,8 @@ class Planner:
         complaints = ["perception uses another grid" if self._wrong_grid else "", self._memory.complaint]
         self._vitals.reasons = [complaint for complaint in complaints if complaint]
         self._vitals.counters["smoothing_fallbacks"] = report.smoothing_fallbacks
+        if self._fallback is not None:
+            self._vitals.counters["fallback_restarts"] = self._fallback.restarts
         self._statuses.publish(
             PlannerStatus(
                 state=report.state,  # type: ignore[arg-type]

@@ -49,7 +49,7 @@ def test_equal_questions_equal_answers_also_over_a_death_in_mid_question() -> No
     one = _process()
     first = one.pid
     assert first is not None
-    answers = [one.ask_and_wait(EASY)]
+    answers = [one.send(EASY).wait()]
     heard: list[SamplingAnswer] = []
     got = threading.Event()
     number = one.ask(ENDLESS, heard.append)
@@ -59,7 +59,7 @@ def test_equal_questions_equal_answers_also_over_a_death_in_mid_question() -> No
     assert got.wait(READY_S), "the question was put again"
     assert one.pid != first and one.restarts == 1 and time.monotonic() - began < READY_S
     one.withdraw(number)
-    answers += [heard[-1], one.ask_and_wait(EASY)]
+    answers += [heard[-1], one.send(EASY).wait()]
     assert all(answer.q_rad is not None for answer in answers)
     assert len({answer.q_rad.tobytes() for answer in answers}) == 1
     last = one.pid
@@ -75,7 +75,7 @@ def test_a_process_that_hangs_is_ended_and_the_question_answered(monkeypatch: py
     began = time.monotonic()
     one.ask(EASY, lambda _answer: None)
     assert time.monotonic() - began < 0.1, "asking does not wait"
-    answer = one.ask_and_wait(EASY)  # in vain or from the next process: but it comes
+    answer = one.send(EASY).wait()  # in vain or from the next process: but it comes
     assert answer.q_rad is not None or answer.why
     assert one.restarts >= 1
     last = one.pid

@@ -9,7 +9,7 @@ import pytest
 
 from clients.stack import OwnStack, free_endpoint
 from common.bus.session import BusAddress, RemoteError
-from common.wire.messages import PlanReply, PlanRequest, SetGoal
+from common.wire.messages import Demonstration, LearnReply, PlanReply, PlanRequest, SetGoal
 from deploy.processes import StackOptions
 from tests.support.operator import OVER_PICK, OVER_PLACE, Operator
 
@@ -53,6 +53,11 @@ def test_it_drives_on_the_lattice_and_says_so(model: str, operator: Operator) ->
         asked(operator, model="gng")
     assert caught.value.code == "unsupported"
     assert asked(operator, model=model).outcome == "path"
+    assert operator.robot is not None
+    path = operator.robot.q_rad + np.linspace(0.0, 0.3, 5)[:, None] * np.eye(6)[0]
+    with pytest.raises(RemoteError, match=f"a {model} has a fixed grid") as caught:
+        operator.bus.request("planner/learn", Demonstration(q_rad=path), LearnReply)
+    assert caught.value.code == "cannot_extend"
 
 
 def asked(operator: Operator, search: str | None = None, model: str | None = None) -> PlanReply:

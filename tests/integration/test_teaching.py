@@ -49,7 +49,7 @@ def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnStack]:
     build_shipped_map()
     ours, cache = cache_dir(), tmp_path_factory.mktemp("cache") / "tolman"
     cache.mkdir()
-    for path in [*ours.glob("map-*.tolman"), *ours.glob("bodies-*.npz")]:
+    for path in [*ours.glob("map-*.tolman"), *ours.glob("geometry-*.npz")]:
         (cache / path.name).symlink_to(path)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("XDG_CACHE_HOME", str(cache.parent))

@@ -17,7 +17,7 @@ __all__ = ["arm_of", "body_levers", "pair_levers", "placed_solids", "solids_of",
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-FIELD_SPACING_M = 0.02  # our choice: 1 m^3 of it is half a megabyte
+FIELD_SPACING_M = 0.01  # our choice: 1 m^3 of it is four megabytes
 # Bodies two joints apart may stand a centimetre from one another by construction, in whatever pose; the bounds of the check take that much.
 # Where a pair usually has less than this many margins, none is kept: what touches is still found. Our choice; measured: of the start and
 # goal poses of 490 UR5 problems a margin of 5 mm for such pairs forbids 25 %, none forbids 3 %.
@@ -36,6 +36,7 @@ def arm_of(robot: RobotModel, *, static_margin_m: float, self_margin_m: float) -
         grids=robot.grids,
         moving=np.array([not body.immobile for body in robot.bodies], dtype=np.uint8),
         pairs=robot.pairs,
+        pair_tables=robot.pair_tables,
         static_margin_m=float(static_margin_m),
         pair_margin_m=np.where(robot.pair_usual_m > NEAR_MARGINS * self_margin_m, float(self_margin_m), 0.0),
         lever_m=lever_m,

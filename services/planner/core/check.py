@@ -11,15 +11,18 @@ from common.robot.kernels import forward_kinematics
 from common.robot.trajectory import JointTrajectory
 from services.planner.kernels.blends import fit_blends
 from services.planner.kernels.cells import Cells
-from services.planner.kernels.collision import FREE, HIT_CELL, HIT_STATIC, Arm, cells_that_hit, pose_verdict
-from services.planner.kernels.path import curve_verdict, first_blocked, segment_verdict
+from services.planner.kernels.collision import FREE, HIT_CELL, HIT_STATIC, Arm, cells_that_hit, farthest_m, pose_verdict
+from services.planner.kernels.path import curve_verdict, first_blocked
 from services.planner.kernels.static_layer import NO_SOLIDS, Solids
+from services.planner.kernels.way import line_is_free
 
-__all__ = ["TOUCH_M", "Checker", "CurveVerdict", "HandReach"]
+__all__ = ["ASTRAY_M", "TOUCH_M", "Checker", "CurveVerdict", "HandReach"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
 HAND_WINDOWS = 4  # windows of growing room; our choice
+ASTRAY_M = 0.0005  # a timed curve may stray so far from the rounded path that was looked at; our choice, measured: less than 0.1 mm
 TOUCH_M = 0.005  # what an arm that leaves cells keeps from a hand that may follow: the distance grids' rounding; our choice
 HAND_LOOK_S = 0.3  # the fastest moment of the next so many seconds counts; our choice
 CurveVerdict = tuple[int, int, float]
@@ -65,6 +68,7 @@ class Checker:
         self._body_names = body_names
         self._solid_names = solid_names
         self._arm_against_cells = arm._replace(pairs=arm.pairs[:0], pair_lever_m=arm.pair_lever_m[:0])
+        self._blend_arm = arm._replace(static_margin_m=arm.static_margin_m + ASTRAY_M, pair_margin_m=arm.pair_margin_m + ASTRAY_M)
         self._no_solids = NO_SOLIDS
         n_joints = len(arm.chain.axis)
         self._rotation, self._translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
@@ -93,8 +97,7 @@ class Checker:
 
     def segment(self, cells: Cells, q_a: F64, q_b: F64) -> bool:
         """Whether the straight joint segment is free."""
-        verdict, _, _ = segment_verdict(self.arm, self.solids, cells, self.safety_m, self.step_m, q_a, q_b)
-        return bool(verdict == FREE)
+        return bool(line_is_free(self.arm, self.solids, cells, self.safety_m, self.step_m, q_a, q_b))
 
     def curve(self, cells: Cells, curve: JointTrajectory, *, from_s: float = 0.0, to_s: float = np.inf) -> CurveVerdict:
         """Verdict, index of what is hit and time of the first blocked pose of a timed curve between two of its times."""
@@ -141,11 +144,23 @@ class Checker:
                 return met
         return None
 
-    def fit_blends(self, cells: Cells, path_rad: F64, share: float) -> F64:
-        """(P,) rad: how far from each corner of a path (P, J) it may be rounded (:mod:`services.planner.kernels.blends`)."""
+    def fit_blends(self, cells: Cells, path_rad: F64, proven: U8, share: float) -> tuple[F64, int]:
+        """How far from each corner of a path (P, J) it may be rounded (:mod:`services.planner.kernels.blends`).
+
+        ``proven`` (P - 1,): pieces that are known to be free.
+
+        Returns:
+            (P,) rad, and the first piece that is not free, or -1: the rounded path is free, its blends by ``ASTRAY_M`` more.
+        """
         reach = np.empty(len(path_rad))
-        fit_blends(self.arm, self.solids, cells, self.safety_m, self.step_m, path_rad, share, reach)
-        return reach
+        blocked = fit_blends(
+            self.arm, self._blend_arm, self.solids, cells, self.safety_m, ASTRAY_M, self.step_m, path_rad, proven, share, reach
+        )  # fmt: skip
+        return reach, int(blocked)
+
+    def strays_m(self, astray_rad: F64) -> float:
+        """How far in metres any point of the arm can be from where it should be if each joint is off by at most ``astray_rad`` (J,)."""
+        return float(farthest_m(self.arm, astray_rad))
 
     def describe(self, verdict: int, index: int) -> str:
         """What a verdict means, in words."""

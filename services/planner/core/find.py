@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -12,18 +13,50 @@ from services.planner.core.found import FoundPath, NotFound, path_length
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import World
 from services.planner.kernels.connect import ASTAR, BIDIRECTIONAL, DIJKSTRA, WAVEFRONT, Ends, Scratch, best_way, connect, join_ends
-from services.planner.kernels.path import nearest_free
+from services.planner.kernels.neuron_index import nearest_free
 from services.planner.kernels.search import NOT_FOUND
 from services.planner.kernels.shorten import cut_corners
 
-__all__ = ["N_CONNECTIONS", "SEARCHES", "PathFinder", "Rules"]
+__all__ = ["N_CONNECTIONS", "SEARCHES", "PathFinder", "Pieces", "Rules"]
 
 F64 = NDArray[np.float64]
+I64 = NDArray[np.int64]
+U8 = NDArray[np.uint8]
 I32 = NDArray[np.int32]
 Rules = Literal["checked", "paper"]
 SEARCHES = ("dijkstra", "astar", "bidirectional", "wavefront")  # the first three find equally short paths, the last the fewest neurons
 KINDS = {"dijkstra": DIJKSTRA, "astar": ASTAR, "wavefront": WAVEFRONT, "bidirectional": BIDIRECTIONAL}
 N_CONNECTIONS = 24  # nearest free neurons that start and goal may join; our choice
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """A path of straight pieces, and what is known of each.
+
+    Attributes:
+        q_rad: (P, J) its points.
+        proven: (P - 1,) uint8: not zero where a piece is known to be free.
+        origin: (P - 1,) the piece of the path as it was found that a piece is, or begins with.
+    """
+
+    q_rad: F64
+    proven: U8
+    origin: I64
+
+    @staticmethod
+    def of(found: FoundPath) -> Pieces:
+        """A path as it was found; nothing is known."""
+        n = len(found.q_rad) - 1
+        return Pieces(found.q_rad, np.zeros(n, dtype=np.uint8), np.arange(n))
+
+    def after(self, q_before: F64) -> Pieces:
+        """With a free piece before it, from ``q_before`` (J,)."""
+        return Pieces(np.vstack([q_before, self.q_rad]), np.insert(self.proven, 0, 1), np.insert(self.origin, 0, -1))
+
+    def without_repeats(self, least_rad: float) -> Pieces:
+        """Without pieces that are no longer than ``least_rad``."""
+        moves = np.linalg.norm(np.diff(self.q_rad, axis=0), axis=1) > least_rad
+        return Pieces(self.q_rad[np.insert(moves, 0, True)], self.proven[moves], self.origin[moves])
 
 
 class PathFinder:
@@ -72,7 +105,7 @@ class PathFinder:
     def nearest(self, blocked: I32, q: F64, k: int = N_CONNECTIONS) -> tuple[I32, F64]:
         """The ``k`` nearest neurons of ``q`` (J,) whose count in ``blocked`` (N,) is zero, nearest first, and their distances in rad."""
         index, distance = np.empty(k, dtype=np.int32), np.empty(k)
-        n = nearest_free(self.roadmap.neurons_rad, blocked, q, index, distance)
+        n = nearest_free(self.roadmap.index, blocked, q, index, distance)
         return index[:n], distance[:n]
 
     def search(
@@ -103,14 +136,16 @@ class PathFinder:
         n = connect(*self.question(world, edge_count, q_start, q_goal, search), ends, self.scratch)
         return None if n == NOT_FOUND else self.scratch.path[:n].copy()
 
-    def cut_corners(self, world: World, found: FoundPath, checks: int) -> F64:
-        """(P, J) a shorter free path with the same ends.
+    def cut_corners(self, world: World, found: FoundPath, checks: int) -> Pieces:
+        """A shorter free path with the same ends.
 
         Points are skipped from the start on: the farthest point that a free straight segment reaches, by halving; at most ``checks``
         segments are tried. The piece that leads out of tolerated cells stays as it is.
         """
         c, path = self.checker, np.ascontiguousarray(found.q_rad)
-        kept = np.empty(len(path), dtype=np.int64)
+        kept, proven = np.empty(len(path), dtype=np.int64), np.empty(len(path), dtype=np.uint8)
         first = 0 if found.leaving is None else 1
-        n = cut_corners(c.arm, c.solids, world.cells, c.safety_m, c.step_m, path, first, checks, kept)
-        return np.asarray(path[kept[:n]])
+        n = cut_corners(c.arm, c.solids, world.cells, c.safety_m, c.step_m, path, first, checks, kept, proven)
+        pieces = Pieces(path[kept[:n]], proven[: n - 1], kept[: n - 1])
+        joined = (pieces.origin == 0) | (pieces.origin == len(path) - 2)  # the search looked at its connections itself
+        return replace(pieces, proven=(pieces.proven | joined).astype(np.uint8))

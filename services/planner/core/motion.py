@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.robot.trajectory import JointTrajectory
-from services.planner.core.check import TOUCH_M, HandReach
-from services.planner.core.find import PathFinder, Rules
+from services.planner.core.check import ASTRAY_M, TOUCH_M, HandReach
+from services.planner.core.find import PathFinder, Pieces, Rules
 from services.planner.core.found import FoundPath, NotFound
 from services.planner.core.smoothing import candidates
 from services.planner.core.timing import Limits, time_blends, time_curve, time_polyline
@@ -175,21 +175,20 @@ class MotionPlanner:
     ) -> Motion | NotFound | _Blocked:
         """The smoothest motion along a path that is free; else the piece of the path that is not."""
         began = watch.clock_ns()
-        path = found.q_rad
-        if ask.smooth and ask.rules == "checked":
-            path = self.finder.cut_corners(world, found, self._shortcut_checks)
-        path = path if velocity is None else np.vstack([ask.q_start, path])
-        path = path[np.concatenate([[True], np.linalg.norm(np.diff(path, axis=0), axis=1) > SAME_PLACE_RAD])]
-        if len(path) == 1:
-            here = JointTrajectory(np.zeros(1), path.copy(), np.zeros_like(path))
+        shortens = ask.smooth and ask.rules == "checked"
+        pieces = self.finder.cut_corners(world, found, self._shortcut_checks) if shortens else Pieces.of(found)
+        pieces = pieces if velocity is None else pieces.after(ask.q_start)
+        pieces = pieces.without_repeats(SAME_PLACE_RAD)
+        if len(pieces.q_rad) == 1:
+            here = JointTrajectory(np.zeros(1), pieces.q_rad.copy(), np.zeros_like(pieces.q_rad))
             return Motion(here, found, "already there", 0.0, False)
         watch.add("smooth", began)
         if ask.smooth:
             smoothing = self._smoothed_by_the_paper if ask.rules == "paper" else self._rounded
-            smooth = smoothing(world, ask, found, path, velocity, limits, watch)
+            smooth = smoothing(world, ask, found, pieces, velocity, limits, watch)
             if smooth is not None:
                 return smooth
-        return self._stop_at_corners(world, ask, found, path, velocity, limits, watch)
+        return self._stop_at_corners(world, ask, found, pieces.q_rad, velocity, limits, watch)
 
     def _stop_at_corners(
         self, world: World, ask: Ask, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch
@@ -212,44 +211,52 @@ class MotionPlanner:
         return _Blocked(piece if velocity is None else piece - 1)
 
     def _rounded(
-        self, world: World, ask: Ask, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch
-    ) -> Motion | None:
+        self, world: World, ask: Ask, found: FoundPath, pieces: Pieces, velocity: F64 | None, limits: Limits, watch: Stopwatch
+    ) -> Motion | _Blocked | None:
         """The path with its corners rounded, as far as they are free; a corner that cannot be rounded is stopped at."""
         cells = world.cells if found.leaving is None else found.leaving.rest.cells
-        for share in BLEND_SHARES if len(path) > 2 else ():
+        for share in BLEND_SHARES:
             began = watch.clock_ns()
-            reach = self.checker.fit_blends(cells, path, share)
+            reach, blocked = self.checker.fit_blends(cells, pieces.q_rad, pieces.proven, share)
             began = watch.add("smooth", began)
-            timed = time_blends(path, reach, limits, velocity)
+            if blocked >= 0:
+                return _Blocked(int(pieces.origin[blocked]))
+            timed = time_blends(pieces.q_rad, reach, limits, velocity)
             began = watch.add("time", began)
             if timed is None:
                 continue
-            blocked_s = self._blocked_at(world, ask, found, timed)
+            is_proven = found.leaving is None and self.checker.strays_m(timed.astray_rad) <= ASTRAY_M
+            blocked_s = self._hand_at(world, ask, found, timed.curve) if is_proven else self._blocked_at(world, ask, found, timed.curve)
             watch.add("verify", began)
             if blocked_s is None:
                 n_stops = int(np.count_nonzero(reach[1:-1] == 0.0))
-                return Motion(timed, found, f"blends {share:g}, {n_stops} stops", _length(timed), n_stops > 0)
+                return Motion(timed.curve, found, f"blends {share:g}, {n_stops} stops", _length(timed.curve), n_stops > 0)
         return None
 
     def _smoothed_by_the_paper(
-        self, world: World, ask: Ask, found: FoundPath, path: F64, velocity: F64 | None, limits: Limits, watch: Stopwatch
+        self, world: World, ask: Ask, found: FoundPath, pieces: Pieces, velocity: F64 | None, limits: Limits, watch: Stopwatch
     ) -> Motion | None:
         """The smoothest NURBS whose best matches are free (section IV)."""
-        for curve in candidates(path, lead_in=velocity is not None):
-            began = watch.clock_ns()
+        began = watch.clock_ns()
+        for curve in candidates(pieces.q_rad, lead_in=velocity is not None):
+            began = watch.add("smooth", began)
             timed = time_curve(curve, limits, velocity)
             began = watch.add("time", began)
             points = curve(np.linspace(0.0, 1.0, max(2, 4 * len(found.q_rad))))
             free = timed is not None and all(world.counts.node[self.finder.best_match(q)] == 0 for q in points)
-            watch.add("verify", began)
+            began = watch.add("verify", began)
             if timed is not None and free:
                 return Motion(timed, found, curve.name, _length(timed), False)
         return None
 
+    def _hand_at(self, world: World, ask: Ask, found: FoundPath, timed: JointTrajectory) -> float | None:
+        """Time at which something that moves could come too near before the arm can stand; None if nothing could."""
+        return self.checker.hand_meets(world.recent, timed, ask.hand or self.hand, safety_m=None if found.leaving is None else TOUCH_M)
+
     def _blocked_at(self, world: World, ask: Ask, found: FoundPath, timed: JointTrajectory) -> float | None:
         """Time of the first point of the timed curve that must not be driven; None if it is free."""
         leaving = found.leaving
-        met = self.checker.hand_meets(world.recent, timed, ask.hand or self.hand, safety_m=None if leaving is None else TOUCH_M)
+        met = self._hand_at(world, ask, found, timed)
         if met is not None:
             return met
         verdict, _, at_s = self.checker.curve((world if leaving is None else leaving.rest).cells, timed)

@@ -6,7 +6,7 @@ instants gets the same bytes out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -16,9 +16,10 @@ from common.robot.trajectory import JointTrajectory
 from services.planner.config import PlannerConfig
 from services.planner.core.asking import Asker
 from services.planner.core.check import HandReach
-from services.planner.core.found import NotFound, Way
+from services.planner.core.found import NotFound
 from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.replan import Action, ReplanRules, ShorterWay, View
+from services.planner.core.report import Event, Goal, Report
 from services.planner.core.seeing_lag import SeeingLag
 from services.planner.core.thinker import Thinker
 from services.planner.core.timing import Limits, brake
@@ -27,48 +28,13 @@ from services.planner.core.vision import Vision
 from services.planner.core.watching import Watch
 from services.planner.core.ways import ThinkingRules
 
-__all__ = ["Event", "Goal", "Reflex", "Report"]
+__all__ = ["Reflex"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 AT_GOAL_RAD = 2e-3  # the reference ends on the goal to rounding; this is a tenth of the tracking error allowed
 LEAD_S = 0.02  # the robot is told so much before a takeover: transport and two control cycles
 BRANCHES_A_STEP = 2  # inverse-kinematics branches tried at a time, so that no step takes long; the next attempt goes on with others
-
-
-@dataclass(frozen=True, eq=False)
-class Goal:
-    """Where to go: any of ``branches_rad`` (B, J), the joint vectors that reach the same pose, is as good."""
-
-    id: str
-    branches_rad: F64
-    speed_scale: float
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something worth telling."""
-
-    kind: str
-    goal_id: str | None = None
-    facts: dict[str, Any] = field(default_factory=dict)
-
-
-@dataclass
-class Report:
-    """What the planner says of itself."""
-
-    state: str = "idle"
-    reason: str = ""
-    rule: str | None = None
-    way: Way | None = None
-    timing_ms: dict[str, float] = field(default_factory=dict)
-    path_length_rad: float | None = None
-    path_neurons: int | None = None
-    reaction_ms: float | None = None
-    replans: int = 0
-    accepted: int = 0
-    smoothing_fallbacks: int = 0
 
 
 class Reflex:

@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 
 from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.lookup import LookupTable
+from services.planner.core.neuron_index import index_neurons
 from services.planner.kernels.connect import Graph
+from services.planner.kernels.neuron_index import NeuronIndex
 
 __all__ = ["Roadmap"]
 
@@ -25,6 +27,7 @@ class Roadmap:
     Attributes:
         neurons_rad: (N, J). edges: (M, 2) int32, lower neuron first.
         adj_offset: (N + 1,) rows of neighbours; adj_node, adj_edge (2 M,) neighbour and edge index; adj_length (2 M,) rad.
+        index: by which the nearest neurons are found.
         table: which cells block what.
         model: name of the model that learned it (``gng``, ``som``, ``gamma_som``).
     """
@@ -35,13 +38,14 @@ class Roadmap:
     adj_node: I32
     adj_edge: I32
     adj_length: F64
+    index: NeuronIndex
     table: LookupTable
     model: str
 
     @property
     def graph(self) -> Graph:
         """The map as the searches see it."""
-        return Graph(self.neurons_rad, self.adj_offset, self.adj_node, self.adj_edge, self.adj_length)
+        return Graph(self.neurons_rad, self.adj_offset, self.adj_node, self.adj_edge, self.adj_length, self.index)
 
     @staticmethod
     def of(learned: CognitiveMap, table: LookupTable, model: str) -> Roadmap:
@@ -59,6 +63,7 @@ class Roadmap:
             adj_node=np.ascontiguousarray(ends[order, 1], dtype=np.int32),
             adj_edge=edge[order],
             adj_length=length[edge[order]],
+            index=index_neurons(np.ascontiguousarray(learned.q_rad)),
             table=table,
             model=model,
         )

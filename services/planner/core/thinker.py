@@ -50,7 +50,7 @@ class Thinker:
     @property
     def wants_steps(self) -> bool:
         """Whether there is work to be done here and now."""
-        return self._thinking is not None and self._thinking.wanted is None
+        return self._thinking is not None and not self._thinking.is_waiting
 
     @property
     def word(self) -> str:

@@ -16,7 +16,7 @@ from services.planner.core.smoothing import Nurbs
 from services.planner.kernels.blends import sample_blends, sample_count
 from services.planner.kernels.timing import fastest_profile
 
-__all__ = ["Limits", "brake", "limit_ratio", "time_blends", "time_curve", "time_polyline"]
+__all__ = ["Limits", "Timed", "brake", "limit_ratio", "time_blends", "time_curve", "time_polyline"]
 
 F64 = NDArray[np.float64]
 GRID_STEP_RAD = (
@@ -42,6 +42,14 @@ class Limits:
         return Limits(self.velocity * velocity, self.acceleration * acceleration)
 
 
+@dataclass(frozen=True, eq=False)
+class Timed:
+    """A timed curve, and how far each joint of it may be from the curve that it was made from: ``astray_rad`` (J,), at the same way."""
+
+    curve: JointTrajectory
+    astray_rad: F64
+
+
 def time_curve(curve: Nurbs, limits: Limits, velocity_start: F64 | None = None) -> JointTrajectory | None:
     """The fastest motion along ``curve`` within ``limits``, ending at rest; None if it cannot be entered at ``velocity_start``.
 
@@ -55,10 +63,11 @@ def time_curve(curve: Nurbs, limits: Limits, velocity_start: F64 | None = None) 
     n = int(np.clip(np.ceil(length / GRID_STEP_RAD), GRID_POINTS_MIN, GRID_POINTS_MAX)) + 1
     s = np.linspace(0.0, 1.0, n)
     q, d1, d2 = curve.derivatives(s)
-    return _time_samples(s, q, d1, d2, d2, limits, velocity_start)
+    timed = _time_samples(s, q, d1, d2, d2, limits, velocity_start)
+    return None if timed is None else timed.curve
 
 
-def time_blends(path_rad: F64, reach_rad: F64, limits: Limits, velocity_start: F64 | None = None) -> JointTrajectory | None:
+def time_blends(path_rad: F64, reach_rad: F64, limits: Limits, velocity_start: F64 | None = None) -> Timed | None:
     """The fastest motion along a path (P, J) with rounded corners (``reach_rad`` (P,), :mod:`services.planner.kernels.blends`).
 
     It stops at corners that are not rounded. None if it cannot be entered at ``velocity_start`` (J,) rad/s, along the first piece.
@@ -77,18 +86,20 @@ def time_blends(path_rad: F64, reach_rad: F64, limits: Limits, velocity_start: F
     return parts[0] if len(parts) == 1 else _one_after_the_other(parts)
 
 
-def _one_after_the_other(parts: list[JointTrajectory]) -> JointTrajectory:
+def _one_after_the_other(timed: list[Timed]) -> Timed:
     """Motions that each end at rest where the next begins."""
+    parts = [part.curve for part in timed]
     begin_s = np.cumsum([0.0] + [part.duration_s for part in parts])
     kept = [slice(0 if k == 0 else 1, None) for k in range(len(parts))]
-    return JointTrajectory(
+    curve = JointTrajectory(
         np.concatenate([part.t_s[keep] + at_s for part, keep, at_s in zip(parts, kept, begin_s[:-1], strict=True)]),
         np.concatenate([part.q_rad[keep] for part, keep in zip(parts, kept, strict=True)]),
         np.concatenate([part.dq_rad_s[keep] for part, keep in zip(parts, kept, strict=True)]),
     )
+    return Timed(curve, np.max([part.astray_rad for part in timed], axis=0))
 
 
-def _time_samples(s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None) -> JointTrajectory | None:
+def _time_samples(s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None) -> Timed | None:
     """Time at samples of a path (kernels.timing's arguments), within limits also between them."""
     speed = 0.0
     if velocity_start is not None:
@@ -102,8 +113,18 @@ def _time_samples(s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limi
         dq[0] = 0.0 if velocity_start is None else velocity_start
         trajectory = JointTrajectory(time.copy(), q, dq)
         if limit_ratio(trajectory, limits) <= 1.0 + ROUNDING:
-            return trajectory
+            return Timed(trajectory, _astray(s, x, time, d2))
     return None
+
+
+def _astray(s: F64, x: F64, time: F64, d2: F64) -> F64:
+    """(J,) rad: how far the cubic between knots may be from the path itself, where that is a parabola of ``s`` between them.
+
+    With d2s/dt2 = a there, the fourth derivative of the joint by time is 3 a^2 d2, and a cubic Hermite interpolant over a time h is off by
+    h^4 / 384 times that at most (Burden and Faires, Numerical Analysis, theorem 3.9). Where the path is straight it is exact.
+    """
+    a = np.diff(x) / (2.0 * np.diff(s))
+    return np.asarray(np.max((np.diff(time) ** 4 * a**2 / 128.0)[:, None] * np.abs(d2[:-1]), axis=0))
 
 
 def limit_ratio(trajectory: JointTrajectory, limits: Limits) -> float:

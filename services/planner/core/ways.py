@@ -1,13 +1,15 @@
 """What follows where the map has no way: the map again with more connections, repair, fallback. One question, in slices, pure.
 
-The fallback runs elsewhere: :attr:`Thinking.wanted` is the question for it, :meth:`Thinking.hear` takes the answer. What is found
-depends on map, cells and question alone; how long a slice or an answer takes changes nothing.
+The fallback runs elsewhere: :attr:`Thinking.wanted` is the question for it, :meth:`Thinking.hear` takes the answer. It is asked while
+repair is still searching, so that it loses no time, and counts only if repair finds nothing: what is found depends on map, cells and
+question alone; how long a slice or an answer takes changes nothing.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,11 +22,12 @@ from services.planner.core.two_trees import Bounds, seed_of
 from services.planner.core.world import World
 from services.planner.kernels.collision import FREE
 
-__all__ = ["SamplingAnswer", "SamplingQuestion", "Thinking", "ThinkingRules", "think"]
+__all__ = ["Errand", "Sampler", "SamplingAnswer", "SamplingQuestion", "Thinking", "ThinkingRules", "think"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U64 = NDArray[np.uint64]
+HEAD_START = 100  # samples of repair before the fallback is asked: most of what repair solves is solved by then; our choice
 TRIES = 3  # paths of each way until a curve along one is free; our choice: nearly always the first is
 
 
@@ -65,6 +68,19 @@ class SamplingAnswer:
     ms: float
 
 
+class Errand(Protocol):
+    """A question that was put to the fallback."""
+
+    def wait(self) -> SamplingAnswer:
+        """The answer, once, in the end."""
+
+    def withdraw(self) -> None:
+        """It is not wanted any more."""
+
+
+Sampler = Callable[[SamplingQuestion], Errand]
+
+
 class Thinking:
     """One question in one world.
 
@@ -92,10 +108,16 @@ class Thinking:
         self._is_start_free = planner.checker.pose(world.cells, ask.q_start)[0] == FREE
         self._answer: SamplingAnswer | None = None
         self._tries = 0
+        self._is_asked = False
         self.is_stale = False
         self.way: Way = "repair" if "repair" in rules.ways else "map"
         bounds = rules.repair if self.way == "repair" else replace(rules.repair, iterations=0)
         self._repair = Repair(planner.finder, world, ask.q_start, self._q_goals, planner.joint_range, self._seed.copy(), bounds)
+
+    @property
+    def is_waiting(self) -> bool:
+        """Whether nothing can be done until the fallback has answered."""
+        return self.way == "fallback" and self.wanted is not None
 
     def hear(self, answer: SamplingAnswer) -> None:
         """The fallback's answer to the question that was :attr:`wanted`."""
@@ -105,29 +127,36 @@ class Thinking:
         """One slice; a motion that is free in ``world``, the cells of now, or why there is none, or None: not yet."""
         if len(self._q_goals) == 0 or not self._is_start_free:
             return self._nothing()
+        return self._by_fallback(world, watch) if self.way == "fallback" else self._by_repair(world, watch)
+
+    def _by_repair(self, world: World, watch: Stopwatch) -> Motion | NotFound | None:
         began = watch.clock_ns()
-        if self.way != "fallback":
-            found = self._repair.advance()
-            watch.add("repair", began)
-            if isinstance(found, bool):
-                return None if found else self._after_repair()
-            motion = self._drive(world, found, watch)
-            if motion is not None or (self._tries < TRIES and self._repair.again()):
-                return motion
+        found = self._repair.advance()
+        watch.add("repair", began)
+        if isinstance(found, bool):
+            if self._repair.iterations >= HEAD_START and "fallback" in self._rules.ways and not self._is_asked:
+                self._want()
+            return None if found else self._after_repair()
+        motion = self._drive(world, found, watch)
+        if motion is None and (self._tries == TRIES or not self._repair.again()):
             return self._after_repair()
-        if self._answer is None:
-            return None
+        return motion
+
+    def _by_fallback(self, world: World, watch: Stopwatch) -> Motion | NotFound | None:
         answer, self._answer = self._answer, None
+        if answer is None:
+            return None
         watch.ms["fallback"] = watch.ms.get("fallback", 0.0) + answer.ms
         if answer.q_rad is None:
             self._why.append(answer.why)
             return self._nothing()
         neurons = np.full(len(answer.q_rad) - 2, NO_NEURON, dtype=np.int32)
         motion = self._drive(world, FoundPath(neurons, answer.q_rad, path_length(answer.q_rad), way="fallback"), watch)
-        if motion is None and self._tries < TRIES:
+        if motion is None and self._tries == TRIES:
+            return self._nothing()
+        if motion is None:
             self._want()
-            return None
-        return motion or self._nothing()
+        return motion
 
     def _drive(self, world: World, found: FoundPath, watch: Stopwatch) -> Motion | None:
         self._tries += 1
@@ -143,20 +172,30 @@ class Thinking:
         if "fallback" not in self._rules.ways:
             return self._nothing()
         self.way, self._tries = "fallback", 0
-        self._want()
+        if not self._is_asked:
+            self._want()
         return None
 
     def _want(self) -> None:
-        seed = seed_of(self._seed, np.array([self._tries]))  # other samples than those of repair, and others each time
+        self._is_asked = True
+        tries = self._tries if self.way == "fallback" else 0
+        seed = seed_of(self._seed, np.array([tries]))  # other samples than those of repair, and others each time
         self.wanted = SamplingQuestion(self._ask.q_start, self._q_goals, self.world.counts.cells, seed, self._rules.fallback_iterations)
 
     def _nothing(self) -> NotFound:
         return NotFound("no_path", "; ".join(self._why))
 
 
-def think(thinking: Thinking, world: World, watch: Stopwatch, sample: Callable[[SamplingQuestion], SamplingAnswer]) -> Motion | NotFound:
-    """The whole of it at once; ``sample`` asks the fallback and waits."""
+def think(thinking: Thinking, world: World, watch: Stopwatch, sampler: Sampler | None) -> Motion | NotFound:
+    """The whole of it at once, waiting where there is nothing else to do; without ``sampler`` the fallback must not be among its ways."""
+    asked: SamplingQuestion | None = None
+    errand: Errand | None = None
     while (outcome := thinking.advance(world, watch)) is None:
-        if thinking.wanted is not None:
-            thinking.hear(sample(thinking.wanted))
+        if sampler is not None and thinking.wanted is not None and thinking.wanted is not asked:
+            asked = thinking.wanted
+            errand = sampler(asked)
+        if thinking.is_waiting and errand is not None:
+            thinking.hear(errand.wait())
+    if errand is not None and thinking.wanted is not None:
+        errand.withdraw()
     return outcome

@@ -67,10 +67,13 @@ def write_frame(pipe: IO[bytes], frame: _Frame) -> None:
 
 
 def read_frame(pipe: IO[bytes]) -> Any:
-    """The next frame, None at the end of the pipe (the other side is gone, perhaps in the middle of a frame)."""
+    """The next frame; None at the end of the pipe (the other side is gone, perhaps in the middle of a frame) or where it makes no sense."""
     head = pipe.read(LENGTH.size)
     if len(head) < LENGTH.size:
         return None
     (length,) = LENGTH.unpack(head)
     payload = pipe.read(length)
-    return _decoder.decode(payload) if len(payload) == length else None
+    try:
+        return _decoder.decode(payload) if len(payload) == length else None
+    except msgspec.DecodeError:
+        return None

@@ -26,7 +26,7 @@ from services.planner.config import MarginsConfig
 from services.planner.core.ways import SamplingAnswer, SamplingQuestion
 from services.planner.fallback.frames import Answer, Asked, Ready, Setting, Withdrawn, read_frame, write_frame
 
-__all__ = ["FallbackProcess"]
+__all__ = ["FallbackProcess", "Sent"]
 
 log = logging.getLogger("planner")
 ANSWER_WITHIN_S = 30.0  # of work; the bound by count is a few seconds, so a process that is silent for longer hangs; our choice
@@ -87,11 +87,10 @@ class FallbackProcess:
                 self._out.put(_asked(number, question))
         return number
 
-    def ask_and_wait(self, question: SamplingQuestion) -> SamplingAnswer:
-        """The same for who has time; it never waits for longer than a process is given."""
+    def send(self, question: SamplingQuestion) -> Sent:
+        """The same for who has time to wait; never for longer than a process is given."""
         answers: queue.SimpleQueue[SamplingAnswer] = queue.SimpleQueue()
-        self.ask(question, answers.put)
-        return answers.get()
+        return Sent(self, self.ask(question, answers.put), answers)
 
     def withdraw(self, number: int) -> None:
         """The answer is not wanted any more and will not come."""
@@ -119,7 +118,11 @@ class FallbackProcess:
     def _run_once(self) -> bool:
         """One process from start to end; whether it ever was ready."""
         self._out: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._child = child = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        try:
+            self._child = child = subprocess.Popen(self._command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        except OSError as error:
+            log.warning("the fallback process cannot be started: %s", error)
+            return False
         if self._closing.is_set():
             self._end_child()
         writer = threading.Thread(target=_write_all, args=(child.stdin, self._out), name="fallback-out", daemon=True)
@@ -204,6 +207,21 @@ class FallbackProcess:
             child.wait(END_WITHIN_S)
             return
         child.kill()
+
+
+class Sent:
+    """A question on its way: an :class:`~services.planner.core.ways.Errand`."""
+
+    def __init__(self, process: FallbackProcess, number: int, answers: queue.SimpleQueue[SamplingAnswer]) -> None:
+        self._process, self._number, self._answers = process, number, answers
+
+    def wait(self) -> SamplingAnswer:
+        """The answer; once."""
+        return self._answers.get()
+
+    def withdraw(self) -> None:
+        """It is not wanted any more."""
+        self._process.withdraw(self._number)
 
 
 def _write_all(pipe: Any, out: queue.SimpleQueue[Any]) -> None:

@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-from services.planner.kernels.collision import FREE, farthest_m, no_slack, way_verdict
+from services.planner.kernels.way import line_is_free, parabola_is_free
 
 __all__ = ["fit_blends", "sample_blends", "sample_count"]
 
@@ -33,10 +33,18 @@ def _length(path, k):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def fit_blends(arm, solids, cells, safety_m, step_m, path, share, reach):  # type: ignore[no-untyped-def]
+def fit_blends(arm, blend_arm, solids, cells, safety_m, room_m, step_m, path, proven, share, reach):  # type: ignore[no-untyped-def]
     """Fill ``reach`` (P,) rad with the largest free reach of each corner of ``path`` (P, J); zero at the ends and where none is free.
 
-    ``share``: of the room that a corner has on its two pieces, 0..1. No two points of ``path`` may coincide.
+    Args:
+        arm, solids, cells, safety_m, step_m: as for the checks.
+        blend_arm, room_m: for the blends, which keep ``room_m`` more from cells, and the margins of ``blend_arm``: what is driven may stray
+            from them.
+        path: no two points in a row may coincide. proven: (P - 1,) uint8, not zero: the straight piece is known to be free.
+        share: of the room that a corner has on its two pieces, 0..1.
+
+    Returns:
+        The first piece of which what the blends leave is not free, or -1: the rounded path is free.
     """
     n = len(path)
     reach[:] = 0.0
@@ -48,32 +56,32 @@ def fit_blends(arm, solids, cells, safety_m, step_m, path, share, reach):  # typ
         for _ in range(HALVINGS):
             if wanted < LEAST_RAD:
                 break
-            if _blend_is_free(arm, solids, cells, safety_m, step_m, path, k, wanted / before, wanted / after):
+            if _blend_is_free(blend_arm, solids, cells, safety_m + room_m, step_m, path, k, wanted / before, wanted / after):
                 reach[k] = wanted
                 break
             wanted *= 0.5
+    for k in range(n - 1):
+        if not proven[k] and not _line_is_free(arm, solids, cells, safety_m, step_m, path, k, reach):
+            return k
+    return -1
+
+
+@njit(cache=True, nogil=True)
+def _line_is_free(arm, solids, cells, safety_m, step_m, path, k, reach):  # type: ignore[no-untyped-def]
+    """Whether what the blends leave of piece ``k`` is free."""
+    length = _length(path, k)
+    if reach[k] + reach[k + 1] >= length:
+        return True
+    way = path[k + 1] - path[k]
+    q_a, q_b = path[k] + way * (reach[k] / length), path[k + 1] - way * (reach[k + 1] / length)
+    return line_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b)
 
 
 @njit(cache=True, nogil=True)
 def _blend_is_free(arm, solids, cells, safety_m, step_m, path, k, back, ahead):  # type: ignore[no-untyped-def]
     """Whether the parabola from ``back`` of the piece before corner ``k`` to ``ahead`` of the piece after it is free."""
-    n_joints = path.shape[1]
-    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
-    leg_in, leg_out, turned, q = np.empty(n_joints), np.empty(n_joints), np.empty(n_joints), np.empty(n_joints)
-    for j in range(n_joints):
-        leg_in[j], leg_out[j] = back * (path[k, j] - path[k - 1, j]), ahead * (path[k + 1, j] - path[k, j])
-        turned[j] = 2.0 * max(abs(leg_in[j]), abs(leg_out[j]))  # no joint turns faster than twice the longer leg
-    n_steps = max(1, math.ceil(farthest_m(arm, turned) / step_m))
-    for j in range(n_joints):
-        turned[j] /= n_steps
-    slack = no_slack(arm)
-    for s in range(n_steps + 1):
-        u = s / n_steps
-        for j in range(n_joints):
-            q[j] = path[k, j] - (1.0 - u) * (1.0 - u) * leg_in[j] + u * u * leg_out[j]
-        if way_verdict(arm, solids, cells, safety_m, q, turned, step_m, slack, rotation, translation)[0] != FREE:
-            return False
-    return True
+    leg_in, leg_out = back * (path[k] - path[k - 1]), ahead * (path[k + 1] - path[k])
+    return parabola_is_free(arm, solids, cells, safety_m, step_m, path[k] - leg_in, leg_in, leg_out)
 
 
 @njit(cache=True, nogil=True)

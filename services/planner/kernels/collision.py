@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 
 from common.robot.body_distance import cover_distance, pair_distance, to_world
 from common.robot.kernels import FAR, BodyGrids, Chain, body_grid, forward_kinematics, look_near, look_up, to_joint_frame
+from common.robot.pair_tables import PairTables, table_distance
 from services.planner.kernels.cells import BLOCK, GROUP
 from services.planner.kernels.static_layer import body_static_gap
 
@@ -32,9 +33,9 @@ __all__ = [
     "HIT_STATIC",
     "Arm",
     "Slack",
+    "body_cell_gap",
     "cell_touches_body",
     "cells_that_hit",
-    "displacement_m",
     "farthest_m",
     "frames_verdict",
     "no_slack",
@@ -43,6 +44,7 @@ __all__ = [
     "pose_is_free",
     "pose_verdict",
     "spend",
+    "tabled_gap",
     "way_verdict",
 ]
 
@@ -63,6 +65,7 @@ class Arm(NamedTuple):
     grids: BodyGrids
     moving: U8  # (B,) 0 for bodies that stand in the world and are not checked against it
     pairs: I64  # (P, 2) bodies that can touch one another
+    pair_tables: PairTables  # distances of those of them that are two joints apart
     static_margin_m: float  # kept from exact static shapes
     pair_margin_m: F64  # (P,) kept between the two bodies
     lever_m: F64  # (B, J) farthest that any point of a body moves, in metres per radian of a joint, in any pose
@@ -126,7 +129,7 @@ def _octant_middle(rotation, x, y, z, step_m, octant):  # type: ignore[no-untype
 
 
 @njit(cache=True, nogil=True)
-def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-untyped-def]
+def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-untyped-def]  # noqa: PLR0912  one search, no parts
     """``(cell, gap)``: a cell that blocks body ``b``, or -1 and how far the body may move until one could (a lower bound, in metres).
 
     ``turn`` (3, 3), ``shift`` (3,): the body's frame. Where ``safety_m`` is more than the distance grids can tell, the spheres that cover
@@ -137,26 +140,37 @@ def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-unty
     reach = safety_m + half_m * ROOT3
     beyond_grids = reach > FAR
     grid = body_grid(grids, b)
+    bx, by, bz = to_world(turn, shift, grids.bound_centre_m, b)
+    around = grids.bound_radius_m[b] + reach
     gap = np.inf
-    for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
-        cx, cy, cz = to_world(turn, shift, grids.part_m, p)
-        near = grids.part_m[p, 3] + reach
-        for g in range(len(group)):
-            dx, dy, dz = group[g, 0] - cx, group[g, 1] - cy, group[g, 2] - cz
-            room = math.sqrt(dx * dx + dy * dy + dz * dz) - near - group[g, 3]
-            if room > 0.0:
-                gap = min(gap, room)
+    for g in range(len(group)):
+        dx, dy, dz = group[g, 0] - bx, group[g, 1] - by, group[g, 2] - bz
+        least = around + group[g, 3] + gap
+        if dx * dx + dy * dy + dz * dz >= least * least:  # farther than what was found already
+            continue
+        for k in range(g * GROUP, min((g + 1) * GROUP, len(block))):
+            dx, dy, dz = block[k, 0] - bx, block[k, 1] - by, block[k, 2] - bz
+            least = around + block[k, 3] + gap
+            if dx * dx + dy * dy + dz * dz >= least * least:
                 continue
-            for k in range(g * GROUP, min((g + 1) * GROUP, len(block))):
+            for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
+                cx, cy, cz = to_world(turn, shift, grids.part_m, p)
+                near = grids.part_m[p, 3] + reach
                 dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
-                room = math.sqrt(dx * dx + dy * dy + dz * dz) - near - block[k, 3]
+                apart2, least = dx * dx + dy * dy + dz * dz, near + block[k, 3] + gap
+                if apart2 >= least * least:
+                    continue
+                room = math.sqrt(apart2) - near - block[k, 3]
                 if room > 0.0:
-                    gap = min(gap, room)
+                    gap = room
                     continue
                 for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
                     x, y, z = centre[i, 0], centre[i, 1], centre[i, 2]
                     dx, dy, dz = x - cx, y - cy, z - cz
-                    room = math.sqrt(dx * dx + dy * dy + dz * dz) - near
+                    apart2, least = dx * dx + dy * dy + dz * dz, near + gap
+                    if apart2 >= least * least:
+                        continue
+                    room = math.sqrt(apart2) - near
                     if room <= 0.0:
                         x, y, z = to_joint_frame(turn, shift, x, y, z)
                         if beyond_grids:
@@ -206,9 +220,15 @@ def pair_gap(arm, p, rotation, translation):  # type: ignore[no-untyped-def]
     return pair_distance(grids, a, b, rotation, translation, arm.pair_margin_m[p] + PAIR_FINE_M) - arm.pair_margin_m[p]
 
 
+@njit(cache=True, nogil=True, inline="always")
+def tabled_gap(arm, p, q_rad):  # type: ignore[no-untyped-def]
+    """:func:`pair_gap` by the table, without any frame; zero or less: the table cannot tell, or pair ``p`` has none."""
+    return table_distance(arm.pair_tables, p, q_rad) - arm.pair_margin_m[p] if arm.pair_tables.table[p] >= 0 else 0.0
+
+
 @njit(cache=True, nogil=True)
-def frames_verdict(arm, solids, cells, safety_m, rotation, translation, slack):  # type: ignore[no-untyped-def]
-    """``(FREE | HIT_CELL | HIT_STATIC | HIT_SELF, index of what is hit)`` of the pose with the given frames.
+def frames_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation, slack):  # type: ignore[no-untyped-def]
+    """``(FREE | HIT_CELL | HIT_STATIC | HIT_SELF, index of what is hit)`` of the pose ``q_rad`` (J,) with the given frames.
 
     Only what has no ``slack`` left is looked at, and gets new slack.
     """
@@ -226,7 +246,9 @@ def frames_verdict(arm, solids, cells, safety_m, rotation, translation, slack): 
                 return HIT_STATIC, i
     for p in range(len(arm.pairs)):
         if slack.pair_m[p] <= 0.0:
-            slack.pair_m[p] = pair_gap(arm, p, rotation, translation)
+            slack.pair_m[p] = tabled_gap(arm, p, q_rad)
+            if slack.pair_m[p] <= 0.0:
+                slack.pair_m[p] = pair_gap(arm, p, rotation, translation)
             if slack.pair_m[p] <= 0.0:
                 return HIT_SELF, p
     return FREE, -1
@@ -283,43 +305,17 @@ def way_verdict(arm, solids, cells, safety_m, q_rad, turned_rad, step_m, slack, 
     if not spend(arm, turned_rad, step_m, slack):
         return FREE, -1
     forward_kinematics(arm.chain, q_rad, rotation, translation)
-    return frames_verdict(arm, solids, cells, safety_m, rotation, translation, slack)
+    return frames_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation, slack)
 
 
 @njit(cache=True, nogil=True)
 def pose_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
     """:func:`frames_verdict` of ``q_rad`` (J,) by itself. ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3): scratch."""
     forward_kinematics(arm.chain, q_rad, rotation, translation)
-    return frames_verdict(arm, solids, cells, safety_m, rotation, translation, no_slack(arm))
+    return frames_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation, no_slack(arm))
 
 
 @njit(cache=True, nogil=True)
 def pose_is_free(arm, solids, cells, safety_m, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
     """Whether ``q_rad`` (J,) hits nothing; arguments as :func:`pose_verdict`."""
     return pose_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation)[0] == FREE
-
-
-@njit(cache=True, nogil=True)
-def displacement_m(arm, rotation_a, translation_a, rotation_b, translation_b):  # type: ignore[no-untyped-def]
-    """Farthest in metres that any point of the moving bodies is apart in two poses, given by their frames.
-
-    A body's points are mapped by one affine map, so none moves farther than the farthest corner of the body's box.
-    """
-    grids = arm.grids
-    low, high = grids.box_min_m, grids.box_max_m
-    largest2 = 0.0
-    for b in range(len(arm.moving)):
-        j = grids.body_joint[b]
-        if j == 0:
-            continue
-        ra, ta, rb, tb = rotation_a[j], translation_a[j], rotation_b[j], translation_b[j]
-        for corner in range(8):
-            x = high[b, 0] if corner & 1 else low[b, 0]
-            y = high[b, 1] if corner & 2 else low[b, 1]
-            z = high[b, 2] if corner & 4 else low[b, 2]
-            d2 = 0.0
-            for r in range(3):
-                d = tb[r] - ta[r] + (rb[r, 0] - ra[r, 0]) * x + (rb[r, 1] - ra[r, 1]) * y + (rb[r, 2] - ra[r, 2]) * z
-                d2 += d * d
-            largest2 = max(largest2, d2)
-    return math.sqrt(largest2)

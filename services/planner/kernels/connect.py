@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from services.planner.kernels.bidirectional import both_ends
 from services.planner.kernels.collision import FREE, pose_verdict
-from services.planner.kernels.path import nearest_free, segment_verdict
+from services.planner.kernels.neuron_index import NeuronIndex, nearest_free
 from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
+from services.planner.kernels.way import line_is_free
 
 __all__ = [
     "ASTAR",
@@ -34,7 +35,6 @@ __all__ = [
     "best_way",
     "connect",
     "join_ends",
-    "straight_is_free",
 ]
 
 F64 = NDArray[np.float64]
@@ -48,7 +48,6 @@ UNKNOWN, JOINS, BARRED = 0, 1, 2
 START, GOAL = 0, 1
 FREE_CONNECTIONS = 6  # free ones that are enough for an end whose first choice was blocked; our choice
 SEARCHES = 3  # one as if all connections were free, one after each end was looked into
-FIRST_LOOKS = 16  # places of a straight way that are looked at before all of it is; our choice
 
 
 class Graph(NamedTuple):
@@ -59,6 +58,7 @@ class Graph(NamedTuple):
     adj_node: I32  # (2 M,)
     adj_edge: I32  # (2 M,)
     adj_length: F64  # (2 M,) rad
+    near: NeuronIndex
 
 
 class Ends(NamedTuple):
@@ -106,26 +106,10 @@ def best_way(kind, graph, node_count, edge_count, start, start_cost, goal, goal_
 
 
 @njit(cache=True, nogil=True)
-def straight_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b, rotation, translation):  # type: ignore[no-untyped-def]
-    """Whether the straight segment is free: a few places all along it first, since most that are blocked show there."""
-    q = np.empty(len(q_a))
-    for k in range(1, FIRST_LOOKS):
-        share, digit, rest = 0.0, 0.5, k  # van der Corput's sequence: the middle, the quarters, the eighths ...
-        while rest > 0:
-            share += digit * (rest & 1)
-            digit, rest = digit / 2.0, rest >> 1
-        for j in range(len(q)):
-            q[j] = q_a[j] + share * (q_b[j] - q_a[j])
-        if pose_verdict(arm, solids, cells, safety_m, q, rotation, translation)[0] != FREE:
-            return False
-    return segment_verdict(arm, solids, cells, safety_m, step_m, q_a, q_b)[0] == FREE
-
-
-@njit(cache=True, nogil=True)
 def join_ends(graph, node_count, q_start, q_goal, ends):  # type: ignore[no-untyped-def]
     """Fill ``ends`` with the nearest unblocked neurons of both ends; nothing is known of the connections."""
-    ends.n[START] = nearest_free(graph.neurons_rad, node_count, q_start, ends.neuron[START], ends.cost[START])
-    ends.n[GOAL] = nearest_free(graph.neurons_rad, node_count, q_goal, ends.neuron[GOAL], ends.cost[GOAL])
+    ends.n[START] = nearest_free(graph.near, node_count, q_start, ends.neuron[START], ends.cost[START])
+    ends.n[GOAL] = nearest_free(graph.near, node_count, q_goal, ends.neuron[GOAL], ends.cost[GOAL])
     ends.known[:] = UNKNOWN
 
 
@@ -135,7 +119,7 @@ def _joins(arm, solids, cells, safety_m, step_m, graph, q_end, end, k, ends):  #
     if ends.known[end, k] == UNKNOWN:
         q = graph.neurons_rad[ends.neuron[end, k]]
         a, b = (q_end, q) if end == START else (q, q_end)
-        free = segment_verdict(arm, solids, cells, safety_m, step_m, a, b)[0] == FREE
+        free = line_is_free(arm, solids, cells, safety_m, step_m, a, b)
         ends.known[end, k] = JOINS if free else BARRED
     return ends.known[end, k] == JOINS
 
@@ -197,7 +181,7 @@ def ask_map(kind, graph, node_count, edge_count, arm, solids, cells, safety_m, s
     verdict, index = pose_verdict(arm, solids, cells, safety_m, q_goal, rotation, translation)
     if verdict != FREE:
         return GOAL_BLOCKED, 0, verdict, index
-    if straight_is_free(arm, solids, cells, safety_m, step_m, q_start, q_goal, rotation, translation):
+    if line_is_free(arm, solids, cells, safety_m, step_m, q_start, q_goal):
         return DIRECT, 0, FREE, -1
     join_ends(graph, node_count, q_start, q_goal, ends)
     n = connect(kind, graph, node_count, edge_count, arm, solids, cells, safety_m, step_m, q_start, q_goal, ends, scratch)

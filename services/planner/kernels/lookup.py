@@ -12,11 +12,10 @@ import numpy as np
 from numba import njit
 
 from common.robot.kernels import body_grid, forward_kinematics
-from services.planner.kernels.collision import ROOT3, cell_touches_body, displacement_m
+from services.planner.kernels.collision import ROOT3, cell_touches_body
+from services.planner.kernels.moves import segment_steps
 
-__all__ = ["change_counts", "count_rows", "edge_extra_cells", "fill_rows", "node_cells", "pose_cells", "segment_steps"]
-
-PIECE_RAD = 0.25  # see segment_steps
+__all__ = ["change_counts", "count_rows", "edge_extra_cells", "fill_rows", "node_cells", "pose_cells"]
 
 
 @njit(cache=True, nogil=True)
@@ -153,29 +152,6 @@ def edge_extra_cells(  # type: ignore[no-untyped-def]
         n_out = n
         offset[k + 1] = n_out
     return len(edges)
-
-
-@njit(cache=True, nogil=True)
-def segment_steps(arm, q_a, dq, step_m, rotation, translation):  # type: ignore[no-untyped-def]
-    """Number of equal steps of the joint segment from ``q_a`` by ``dq`` such that no point of the arm moves more than ``step_m`` a step.
-
-    Displacements are taken over pieces in which no joint turns by more than ``PIECE_RAD``; a chord of such a piece is within 1 % of its
-    arc, and a twentieth is added for motions that vary within it. ``rotation, translation``: scratch (2, J + 1, ...).
-    """
-    largest = 0.0
-    for j in range(len(dq)):
-        largest = max(largest, abs(dq[j]))
-    n_pieces = max(1, math.ceil(largest / PIECE_RAD))
-    q = q_a.copy()
-    forward_kinematics(arm.chain, q, rotation[0], translation[0])
-    farthest = 0.0
-    for piece in range(1, n_pieces + 1):
-        for j in range(len(dq)):
-            q[j] = q_a[j] + dq[j] * (piece / n_pieces)
-        now, before = piece & 1, 1 - (piece & 1)
-        forward_kinematics(arm.chain, q, rotation[now], translation[now])
-        farthest = max(farthest, displacement_m(arm, rotation[before], translation[before], rotation[now], translation[now]))
-    return n_pieces * max(1, math.ceil(1.05 * farthest / step_m))
 
 
 @njit(cache=True, nogil=True)

@@ -1,4 +1,4 @@
-"""Checks of segments and timed curves, pose by pose, at steps that no part of the arm outruns; nearest neurons."""
+"""Checks of segments and timed curves, pose by pose, at steps that no part of the arm outruns."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from numba import njit
 
 from common.robot.kernels import FAR, body_grid, forward_kinematics, look_up, to_joint_frame
 from services.planner.kernels.collision import FREE, farthest_m, no_slack, pose_hits_cell, way_verdict
-from services.planner.kernels.lookup import segment_steps
+from services.planner.kernels.moves import segment_steps
 
-__all__ = ["cells_distance", "curve_verdict", "first_blocked", "leaves", "nearest_free", "segment_verdict"]
+__all__ = ["cells_distance", "curve_verdict", "first_blocked", "leaves", "segment_verdict"]
 
 
 @njit(cache=True, nogil=True)
@@ -107,34 +107,6 @@ def first_blocked(arm, cells, safety_m, poses_rad):  # type: ignore[no-untyped-d
         if pose_hits_cell(arm, cells, safety_m, rotation, translation) >= 0:
             return k
     return -1
-
-
-@njit(cache=True, nogil=True)
-def nearest_free(neurons, node_count, q, index, distance):  # type: ignore[no-untyped-def]
-    """The ``len(index)`` nearest unblocked neurons of ``q`` (J,), nearest first; equal distances by index.
-
-    Fills ``index`` and ``distance``; returns how many were found.
-    """
-    k = len(index)
-    found = 0
-    for n in range(len(neurons)):
-        if node_count[n] > 0:
-            continue
-        d2 = 0.0
-        worst = distance[k - 1] if found == k else np.inf
-        for j in range(len(q)):
-            d2 += (neurons[n, j] - q[j]) ** 2
-        if d2 >= worst:
-            continue
-        i = min(found, k - 1)
-        while i > 0 and distance[i - 1] > d2:
-            distance[i], index[i] = distance[i - 1], index[i - 1]
-            i -= 1
-        distance[i], index[i] = d2, n
-        found = min(found + 1, k)
-    for i in range(found):
-        distance[i] = math.sqrt(distance[i])
-    return found
 
 
 @njit(cache=True, nogil=True)

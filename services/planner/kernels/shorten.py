@@ -2,24 +2,24 @@
 
 from __future__ import annotations
 
-import numpy as np
 from numba import njit
 
-from services.planner.kernels.connect import straight_is_free
+from services.planner.kernels.way import line_is_free
 
 __all__ = ["cut_corners"]
 
 
 @njit(cache=True, nogil=True)
-def cut_corners(arm, solids, cells, safety_m, step_m, path, first, n_checks, kept):  # type: ignore[no-untyped-def]
+def cut_corners(arm, solids, cells, safety_m, step_m, path, first, n_checks, kept, proven):  # type: ignore[no-untyped-def]
     """Indices of the points of ``path`` (P, J) that stay, into ``kept`` (P,); returns how many.
+
+    ``proven`` (P,) uint8 out: 1 where the piece that begins at a kept point was looked at here and is free.
 
     From each point on, the farthest point that a free straight segment reaches, by halving; at most ``n_checks`` segments are tried.
     Points up to ``first`` all stay.
     """
-    n_joints = path.shape[1]
-    rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
     n = 0
+    proven[:] = 0
     for k in range(first + 1):
         kept[n] = k
         n += 1
@@ -30,7 +30,8 @@ def cut_corners(arm, solids, cells, safety_m, step_m, path, first, n_checks, kep
                 ahead = here + 1
                 break
             n_checks -= 1
-            if straight_is_free(arm, solids, cells, safety_m, step_m, path[here], path[ahead], rotation, translation):
+            if line_is_free(arm, solids, cells, safety_m, step_m, path[here], path[ahead]):
+                proven[n - 1] = 1
                 break
             ahead = here + max(1, (ahead - here) // 2)
         kept[n] = ahead

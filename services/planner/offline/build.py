@@ -1,5 +1,6 @@
 """From nothing to a map that can be planned in: motions -> the chosen model -> prune -> table -> one file in the cache.
 
+A job with an extension takes the kept map of the same job without it (made first where it is missing) and extends that.
 Same robot, cell, config and recorded motions give the same bytes; nothing here is bounded by time. Seconds are reported, never kept.
 """
 
@@ -25,6 +26,7 @@ from services.planner.core.cognitive_map import CognitiveMap, statistics
 from services.planner.core.lookup import LookupTable
 from services.planner.offline import artefact
 from services.planner.offline.config import MapConfig
+from services.planner.offline.extend import extend, refuse_lattice, samples_to_extend_by
 from services.planner.offline.finishing import CheckedMap, prune_grown, table_of
 from services.planner.offline.growth import grow, model_of, parameters_of
 from services.planner.offline.motion_store import MotionOrder, Order, make_motions, read_recorded
@@ -67,6 +69,7 @@ class Job:
     """What is to be built: for which cell, with which config, from which recorded motions ((K, J) each) besides the made ones.
 
     With ``problems`` the made motions are those of :mod:`services.planner.offline.problem_motions` instead of the cell's reaching motions.
+    ``extension``: motions by which the trained map is extended afterwards; none: it is not.
     """
 
     cell: CellConfig
@@ -75,6 +78,7 @@ class Job:
     recorded: tuple[F64, ...]
     cache: Path
     problems: tuple[TrainingProblem, ...] = ()
+    extension: tuple[F64, ...] = ()
 
     @staticmethod
     def of(
@@ -82,18 +86,31 @@ class Job:
         config: PlannerConfig,
         recorded: Sequence[F64 | Path] = (),
         cache: Path | None = None,
-        problems: Sequence[TrainingProblem] = (),
+        extension: Sequence[F64 | Path] = (),
     ) -> Job:
-        """A job; ``cache`` defaults to the user's. Motions (or files of them) in ``recorded`` come after those that the config names.
+        """A job; ``cache`` defaults to the user's. Motions (or files of them) come after those that the config names.
 
         Raises:
             RobotError: the robot cannot be loaded.
-            ConfigError: parameters of the model that do not go together; a file of a motion cannot be used.
+            ConfigError: parameters of the model that do not go together; a file of a motion cannot be used; ``cannot_extend``: a model
+                that cannot be extended.
         """
         model_of(config)  # refuses now what it would refuse after all motions are made
+        if config.extend.motions or extension:
+            refuse_lattice(config)
         scene = Scene.of(cell, config.margins)
-        motions = [read_recorded(q, scene.robot) if isinstance(q, Path) else q for q in (*map(Path, config.taught), *recorded)]
-        return Job(cell, config, scene, tuple(motions), cache or cache_dir(), tuple(problems))
+
+        def read(named: Sequence[str], given: Sequence[F64 | Path]) -> tuple[F64, ...]:
+            return tuple(read_recorded(q, scene.robot) if isinstance(q, Path) else q for q in (*map(Path, named), *given))
+
+        return Job(
+            cell, config, scene, read(config.taught, recorded), cache or cache_dir(), extension=read(config.extend.motions, extension)
+        )
+
+    @property
+    def base(self) -> Job:
+        """The job of the map that is extended."""
+        return replace(self, extension=())
 
     @property
     def motions_fingerprint(self) -> str:
@@ -106,14 +123,13 @@ class Job:
 
     @property
     def fingerprints(self) -> dict[str, str]:
-        """Of robot, grid, and config (static layer, motions, margins, the model and its own parameters, recorded motions)."""
-        recorded = [hashlib.sha256(np.ascontiguousarray(q).tobytes()).hexdigest() for q in self.recorded]
-        recorded += [*(p.digest for p in self.problems), str(self.config.problems.n_samples)] if self.problems else []
-        return {
-            "robot": self.scene.robot.fingerprint,
-            "grid": self.scene.grid.fingerprint,
-            "config": _digest(self.motions_fingerprint, parameters_of(self.config), self.config.model, recorded),
-        }
+        """Of robot, grid, and config (static layer, motions, margins, the model and its own parameters, recorded motions, extension)."""
+        config = _digest(self.motions_fingerprint, parameters_of(self.config), self.config.model, _hashes(self.recorded))
+        if self.problems:
+            config = _digest(config, self.config.problems.n_samples, [p.digest for p in self.problems])
+        if self.extension:
+            config = _digest(config, msgspec.structs.replace(self.config.extend, motions=[]), _hashes(self.extension))
+        return {"robot": self.scene.robot.fingerprint, "grid": self.scene.grid.fingerprint, "config": config}
 
     @property
     def scene_fingerprints(self) -> dict[str, str]:
@@ -137,6 +153,10 @@ class Job:
 
 def _digest(*parts: Any) -> str:
     return hashlib.sha256(msgspec.msgpack.encode([RULES_VERSION, *parts], order="deterministic")).hexdigest()[:16]
+
+
+def _hashes(motions: Sequence[F64]) -> list[str]:
+    return [hashlib.sha256(np.ascontiguousarray(q).tobytes()).hexdigest() for q in motions]
 
 
 def load(job: Job) -> Built:
@@ -178,11 +198,13 @@ def run(job: Job, progress: Progress = _silent, *, force: bool = False) -> tuple
     Args:
         job: what to build.
         progress: called with (one of STAGES, share done).
-        force: also make the motions anew instead of using chunks that an earlier build kept.
+        force: also make the motions anew instead of using chunks that an earlier build kept, and the map that is to be extended.
 
     Raises:
-        TolmanError: the regions of the config cannot be reached.
+        TolmanError: the regions of the config cannot be reached; nothing can be learned from the extension.
     """
+    if job.extension:
+        return _run_extension(job, progress, force=force)
     seconds: dict[str, float] = {}
     with _stage("motions", progress, seconds):
         samples, n_trajectories = _samples(job, progress, force=force)
@@ -197,6 +219,18 @@ def run(job: Job, progress: Progress = _silent, *, force: bool = False) -> tuple
         sha256 = artefact.write(job.path, artefact.Artefact(_arrays(checked, table), job.fingerprints, figures))
     seconds["total"] = sum(seconds.values())
     return Built(job.path, sha256, checked.learned, table, job.fingerprints, figures, checked.lattice_unit), seconds
+
+
+def _run_extension(job: Job, progress: Progress, *, force: bool) -> tuple[Built, dict[str, float]]:
+    samples = samples_to_extend_by(job.config, job.extension)
+    base = run(job.base, progress, force=True)[0] if force else load_or_build(job.base, progress)
+    began_s = time.monotonic()
+    extended = extend(job.scene, job.config, base.learned, samples.q_rad, progress)
+    figures = {"extended_by": len(job.extension), "base_sha256": base.sha256, **extended.figures}
+    arrays = _arrays(CheckedMap(extended.learned), extended.table)
+    sha256 = artefact.write(job.path, artefact.Artefact(arrays, job.fingerprints, figures))
+    seconds = {"extend": round(time.monotonic() - began_s, 3)}
+    return Built(job.path, sha256, extended.learned, extended.table, job.fingerprints, figures), {**seconds, "total": seconds["extend"]}
 
 
 @contextmanager

@@ -5,26 +5,26 @@ Only a gas can: its units are as many as it needs. A SOM's are a fixed grid that
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
-from pathlib import Path
+from math import ceil
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.errors import ArtefactError, ConfigError, TolmanError
+from common.errors import ConfigError, TolmanError
 from services.planner.config import PlannerConfig
 from services.planner.core.cognitive_map import CognitiveMap, quantisation_error_rad, statistics
 from services.planner.core.gng import GrowingNeuralGas
 from services.planner.core.lookup import LookupTable
-from services.planner.offline import artefact
 from services.planner.offline.config import MOST_NEURONS
 from services.planner.offline.finishing import prune_grown, table_of
 from services.planner.offline.growth import gas_parameters
+from services.planner.offline.motions import Samples, resample
 from services.planner.offline.scene import Scene
 
-__all__ = ["Extended", "extend", "kept_map"]
+__all__ = ["Extended", "extend", "refuse_lattice", "samples_to_extend_by"]
 
 F64 = NDArray[np.float64]
 Progress = Callable[[str, float], None]  # stage (map, prune, table), share done 0..1
@@ -39,19 +39,28 @@ class Extended:
     figures: dict[str, Any]
 
 
-def kept_map(path: Path, scene: Scene) -> CognitiveMap:
-    """The gas of an artefact, for :func:`extend`.
+def refuse_lattice(config: PlannerConfig) -> None:
+    """Raises ConfigError: ``cannot_extend``: the config's model is a SOM or gamma-SOM."""
+    if config.model != "gng":
+        raise ConfigError(
+            f"[planner] model: a {config.model} has a fixed grid and cannot be extended; train it anew with --motions",
+            code="cannot_extend",
+            facts={"model": config.model},
+        )
+
+
+def samples_to_extend_by(config: PlannerConfig, motions: Sequence[F64]) -> Samples:
+    """Samples of further motions ((K, J) each): as many a neuron and as many a motion as the map was trained on, or more.
 
     Raises:
-        ArtefactError: not there, torn, of another version, or made for another robot or grid.
-        ConfigError: ``cannot_extend``: the artefact holds a SOM or gamma-SOM.
+        TolmanError: ``bad_motions``: none of them has any length.
     """
-    kept = artefact.read(path, {"robot": scene.robot.fingerprint, "grid": scene.grid.fingerprint})
-    _refuse_lattice(str(kept.figures.get("model", "gng")), str(path))
+    a_neuron, a_motion = config.motions.n_samples / config.map.n_neurons, config.motions.n_samples / config.motions.n_trajectories
+    n_samples = ceil(max(a_neuron * config.extend.n_added, a_motion * len(motions), 2.0))
     try:
-        return CognitiveMap(kept.arrays["neurons_rad"], kept.arrays["edges"])
-    except KeyError as error:
-        raise ArtefactError(f"{path}: array {error} is missing: it is no map", code="torn_artefact", facts={"path": str(path)}) from None
+        return resample(list(motions), n_samples)
+    except ValueError as error:
+        raise TolmanError(f"cannot extend the map: {error}", code="bad_motions") from None
 
 
 def extend(
@@ -73,7 +82,7 @@ def extend(
         ConfigError: ``cannot_extend``: the config's model is a SOM or gamma-SOM.
         TolmanError: ``bad_motions``: samples that nothing can be learned from, or of another arm.
     """
-    _refuse_lattice(config.model, "[planner] model")
+    refuse_lattice(config)
     n_neurons = kept.n_neurons + config.extend.n_added
     if n_neurons > MOST_NEURONS:
         raise ConfigError(f"[planner.extend] n_added: {kept.n_neurons} + {config.extend.n_added} neurons are more than {MOST_NEURONS}")
@@ -103,12 +112,3 @@ def _grown(config: PlannerConfig, kept: CognitiveMap, samples_rad: F64, n_neuron
     except ValueError as error:
         raise TolmanError(f"cannot extend the map: {error}", code="bad_motions") from None
     return gas.partial_fit(samples_rad, config.extend.seed, n_signals).to_map()
-
-
-def _refuse_lattice(model: str, place: str) -> None:
-    if model != "gng":
-        raise ConfigError(
-            f"{place}: a {model} has a fixed grid and cannot be extended; train it anew on all motions",
-            code="cannot_extend",
-            facts={"place": place, "model": model},
-        )

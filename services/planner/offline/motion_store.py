@@ -162,7 +162,7 @@ def read_recorded(path: Path, robot: RobotModel) -> F64:
     vector a line.
 
     Raises:
-        ConfigError: not readable, torn, of another arm, wrong width, not finite ...; names file, place and value.
+        ConfigError: not readable, torn, of another arm, wrong width, not finite, beyond a limit; names file, place and value.
     """
     if path.suffix == ".json":
         try:
@@ -177,4 +177,8 @@ def read_recorded(path: Path, robot: RobotModel) -> F64:
         raise ConfigError(f"{path}: the motion cannot be read: {error}", facts={"path": str(path)}) from None
     if q.ndim != 2 or q.shape[1] != n_joints or len(q) < 2 or not np.all(np.isfinite(q)):
         raise ConfigError(f"{path}: expected finite joint vectors (K >= 2, {n_joints}), got shape {q.shape}", facts={"path": str(path)})
+    outside = np.any((q < robot.position_min_rad) | (q > robot.position_max_rad), axis=1)
+    if outside.any():
+        k = int(np.argmax(outside))
+        raise ConfigError(f"{path}: row {k}: {robot.limit_violation(q[k])}", facts={"path": str(path), "row": k})
     return q

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
+from common.robot.trajectory import JointTrajectory
 from services.planner.core.timing import Limits, limit_ratio, time_blends, time_polyline
 from services.planner.core.world import cells_of
 from services.planner.kernels.blends import sample_blends, sample_count
@@ -27,13 +30,68 @@ def _cells(bench, rng, path):
     return cells_of(bench.grid, flat[flat >= 0].astype(np.int32))
 
 
+def _timed(path: np.ndarray, reach: np.ndarray, velocity: np.ndarray | None = None) -> JointTrajectory:
+    timed = time_blends(path, reach, LIMITS, velocity)
+    assert timed is not None
+    return timed.curve
+
+
+def _way(t_s: np.ndarray, s: np.ndarray, speed: np.ndarray, at_s: np.ndarray) -> np.ndarray:
+    """Path parameter at times ``at_s`` of a motion of constant acceleration between grid points."""
+    k = np.clip(np.searchsorted(t_s, at_s, side="right") - 1, 0, len(t_s) - 2)
+    since, h = at_s - t_s[k], np.diff(t_s)[k]
+    return s[k] + speed[k] * since + (speed[k + 1] - speed[k]) / h * since**2 / 2
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_a_timed_curve_strays_no_farther_from_the_rounded_path_than_it_says(seed):
+    rng = np.random.default_rng(seed)
+    path = _path(rng)
+    lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
+    reach = np.zeros(len(path))
+    reach[1:-1] = np.minimum(lengths[:-1], lengths[1:]) * rng.uniform(0.02, 0.5, size=4)
+    timed = time_blends(path, reach, LIMITS)
+    assert timed is not None
+    n = sample_count(path, reach)
+    s, (q, d1, d2, d2_before) = np.empty(n), np.empty((4, n, 6))
+    sample_blends(path, reach, s, q, d1, d2, d2_before)
+    assert n == len(timed.curve.t_s)
+    speed = np.linalg.norm(timed.curve.dq_rad_s, axis=1) / np.linalg.norm(d1, axis=1)
+    at_s = np.linspace(0.0, timed.curve.duration_s, 4000)
+    where = _way(timed.curve.t_s, s, speed, at_s)
+    exact = np.array([point_on_blends(path, reach, w) for w in where])
+    off = np.abs(timed.curve.sample(at_s)[0] - exact).max(axis=0)
+    assert np.all(off <= timed.astray_rad + 1e-9)
+    assert np.any(off > 0.3 * timed.astray_rad), "the bound is close"
+    assert timed.astray_rad.max() < 3e-4
+
+
+def test_lines_that_are_not_known_to_be_free_are_looked_at(bench):
+    rng = np.random.default_rng(3)
+    told = 0
+    for _ in range(40):
+        path = _path(rng, 4)
+        cells = _cells(bench, rng, path)
+        free = [bench.checker.segment(cells, a, b) for a, b in itertools.pairwise(path)]
+        reach, blocked = bench.checker.fit_blends(cells, path, np.array(free, dtype=np.uint8), 1.0)
+        if all(free):
+            assert blocked == -1
+        if blocked >= 0:
+            told += 1
+            assert not free[blocked]
+        elif not all(free):  # what is not free was rounded away
+            k = free.index(False)
+            assert reach[k] > 0 or reach[k + 1] > 0
+    assert told > 3
+
+
 def test_reaches_equal_the_slow_twins(bench):
     rng = np.random.default_rng(5)
     equal = rounded = halved = 0
     for _ in range(25):
         path = _path(rng)
         cells = _cells(bench, rng, path)
-        reach = bench.checker.fit_blends(cells, path, 1.0)
+        reach, _ = bench.checker.fit_blends(cells, path, np.ones(len(path) - 1, dtype=np.uint8), 1.0)
         expected = reach_of_corners(path, 1.0, lambda q: bench.checker.pose(cells, q)[0] == FREE)  # noqa: B023
         equal += int(np.sum(np.isclose(reach, expected)))
         rounded += int(np.sum(reach > 0))
@@ -70,8 +128,8 @@ def test_a_rounded_motion_keeps_limits_ends_at_rest_and_beats_stopping(seed):
     lengths = np.linalg.norm(np.diff(path, axis=0), axis=1)
     reach = np.zeros(len(path))
     reach[1:-1] = np.minimum(lengths[:-1], lengths[1:]) * 0.4
-    timed = time_blends(path, reach, LIMITS)
-    assert timed is not None and limit_ratio(timed, LIMITS) <= 1.0 + 1e-6
+    timed = _timed(path, reach)
+    assert limit_ratio(timed, LIMITS) <= 1.0 + 1e-6
     assert not timed.dq_rad_s[-1].any() and np.allclose(timed.q_rad[-1], path[-1])
     stopping = time_polyline(path, LIMITS)
     assert stopping is not None and timed.duration_s < stopping[0].duration_s
@@ -80,8 +138,7 @@ def test_a_rounded_motion_keeps_limits_ends_at_rest_and_beats_stopping(seed):
 def test_a_corner_that_is_not_rounded_is_stopped_at():
     path = _path(np.random.default_rng(1))
     reach = np.array([0.0, 0.1, 0.0, 0.1, 0.1, 0.0])
-    timed = time_blends(path, reach, LIMITS)
-    assert timed is not None
+    timed = _timed(path, reach)
     at = int(np.argmin(np.linalg.norm(timed.q_rad - path[2], axis=1)))
     assert np.allclose(timed.q_rad[at], path[2]) and not timed.dq_rad_s[at].any()
     assert np.all(np.diff(timed.t_s) > 0) and limit_ratio(timed, LIMITS) <= 1.0 + 1e-6
@@ -91,8 +148,8 @@ def test_a_start_in_motion_is_kept_or_refused():
     path = _path(np.random.default_rng(2))
     unit = (path[1] - path[0]) / np.linalg.norm(path[1] - path[0])
     reach = np.array([0.0, 0.05, 0.05, 0.05, 0.05, 0.0])
-    timed = time_blends(path, reach, LIMITS, 0.2 * unit)
-    assert timed is not None and np.allclose(timed.dq_rad_s[0], 0.2 * unit)
+    timed = _timed(path, reach, 0.2 * unit)
+    assert np.allclose(timed.dq_rad_s[0], 0.2 * unit)
     assert time_blends(path, reach, LIMITS, 20.0 * unit) is None
 
 
@@ -103,14 +160,17 @@ def test_cut_corners_equals_its_slow_twin(bench, n_checks):
     for _ in range(12):
         path = _path(rng, 10)
         cells = _cells(bench, rng, path)
-        c, kept = bench.checker, np.empty(len(path), dtype=np.int64)
-        n = cut_corners(c.arm, c.solids, cells, c.safety_m, c.step_m, path, 0, n_checks, kept)
+        c, kept, proven = bench.checker, np.empty(len(path), dtype=np.int64), np.empty(len(path), dtype=np.uint8)
+        n = cut_corners(c.arm, c.solids, cells, c.safety_m, c.step_m, path, 0, n_checks, kept, proven)
 
         def is_free(a: int, b: int) -> bool:
             return bench.checker.segment(cells, path[a], path[b])  # noqa: B023
 
         assert kept[:n].tolist() == kept_corners(len(path), 0, n_checks, is_free)
         shortened += n < len(path)
+        skips = np.diff(kept[:n]) > 1
+        assert np.array_equal(proven[: n - 1] == 1, skips)
+        assert all(is_free(a, b) for (a, b), looked in zip(itertools.pairwise(kept[:n]), skips, strict=True) if looked)
     assert shortened > 0 or n_checks == 0
 
 
@@ -119,8 +179,8 @@ def test_a_slow_arm_does_not_stop_at_the_end_of_its_short_lead_in(bench):
     velocity = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.0])
     start = bench.robot.home_rad
     path = np.stack([start, start + 1.1 * velocity * 0.1 / (2 * 5.0), start + np.array([0.05, 0.1, -0.3, 0.0, 0.2, 0.3])])
-    reach = bench.checker.fit_blends(cells_of(bench.grid, np.empty(0, dtype=np.int32)), path, 1.0)
-    timed = time_blends(path, reach, LIMITS, velocity)
-    assert reach[1] > 0.0 and timed is not None
+    reach, _ = bench.checker.fit_blends(cells_of(bench.grid, np.empty(0, dtype=np.int32)), path, np.ones(2, dtype=np.uint8), 1.0)
+    timed = _timed(path, reach, velocity)
+    assert reach[1] > 0.0
     speed = np.linalg.norm(timed.dq_rad_s[:-1], axis=1)
     assert speed.min() > 0.03

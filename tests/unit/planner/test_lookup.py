@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from common.geometry.grid import Grid
 from services.planner.core.lookup import BlockedCounts, build_table, cells_of_pose
 from services.planner.core.world import cells_of
-from services.planner.kernels.lookup import segment_steps
+from services.planner.kernels.moves import segment_steps
 from tests.support.slow_planner import slow_counts, slow_pose_cells
 
 

@@ -1,13 +1,12 @@
 from __future__ import annotations
 
 import numpy as np
-import pytest
 
 from common.robot.trajectory import JointTrajectory
 from services.planner.core.world import cells_of, no_cells
 from services.planner.kernels.collision import FREE, HIT_CELL
-from services.planner.kernels.lookup import segment_steps
-from services.planner.kernels.path import _hermite, nearest_free
+from services.planner.kernels.moves import segment_steps
+from services.planner.kernels.path import _hermite
 
 
 def _curve(q, seed=0):
@@ -76,22 +75,3 @@ def test_a_window_of_a_curve(bench):
     assert bench.checker.curve(cell, curve)[0] == HIT_CELL
     assert bench.checker.curve(no_cells(bench.grid), curve)[0] == FREE
     assert bench.checker.curve_meets(no_cells(bench.grid), curve) is None
-
-
-@pytest.mark.parametrize("k", [1, 5, 24])
-def test_nearest_free_equals_sorting(k):
-    rng = np.random.default_rng(3)
-    neurons, blocked = rng.normal(size=(300, 6)), (rng.random(300) < 0.5).astype(np.int32)
-    q = rng.normal(size=6)
-    index, distance = np.empty(k, dtype=np.int32), np.empty(k)
-    n = nearest_free(neurons, blocked, q, index, distance)
-    true = np.linalg.norm(neurons - q, axis=1)
-    order = [i for i in np.argsort(true, kind="stable") if not blocked[i]][:k]
-    assert n == k and index.tolist() == order
-    np.testing.assert_allclose(distance, true[order])
-
-
-def test_nearest_free_with_too_few():
-    index, distance = np.empty(8, dtype=np.int32), np.empty(8)
-    assert nearest_free(np.zeros((3, 2)), np.array([0, 1, 0], dtype=np.int32), np.ones(2), index, distance) == 2
-    assert index[:2].tolist() == [0, 2]

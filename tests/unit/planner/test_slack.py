@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-import coal
 import numpy as np
 
-from common.robot.pairs import coal_mesh
 from services.planner.core.arm import body_levers, solids_of
 from services.planner.core.world import cells_of
 from services.planner.kernels.collision import FREE, HIT_CELL, frames_verdict, no_slack, pose_verdict, way_verdict
-from services.planner.kernels.lookup import segment_steps
+from services.planner.kernels.moves import segment_steps
 from services.planner.kernels.static_layer import _field_at, body_static_gap, solid_distance
 from tests.support.cell import ur3_cell
+from tests.support.exact import cube_distance_m
 
 STEP_M = 0.02
 
@@ -67,8 +66,6 @@ def test_the_gap_to_the_static_layer_is_a_lower_bound(bench):
 def test_a_way_is_blocked_only_where_a_pose_is_and_free_only_where_nothing_is_too_near(bench):
     rng = np.random.default_rng(2)
     arm, solids = bench.checker.arm, bench.checker.solids
-    meshes = [(coal_mesh(body), body.joint) for body in bench.robot.bodies if not body.immobile]
-    cube = coal.Box(*[bench.grid.resolution_m] * 3)
     R, T = np.empty((2, 7, 3, 3)), np.empty((2, 7, 3))
     looked = could_look = 0
     for _ in range(60):
@@ -89,13 +86,7 @@ def test_a_way_is_blocked_only_where_a_pose_is_and_free_only_where_nothing_is_to
                 assert plain != FREE
                 break
             if plain == HIT_CELL:
-                frames = bench.robot.joint_poses(q[None])[0]
-                placed = coal.Transform3s(np.eye(3), cells.centre_m[index])
-                true = min(
-                    coal.distance(mesh, coal.Transform3s(np.ascontiguousarray(frames[joint][:3, :3]), frames[joint][:3, 3]), cube, placed,
-                                  coal.DistanceRequest(), coal.DistanceResult())
-                    for mesh, joint in meshes
-                )  # fmt: skip
+                true = cube_distance_m(bench.robot, q, cells.centre_m[index], cells.half_m)
                 assert true > 0.02
             else:
                 assert plain == FREE
@@ -109,6 +100,6 @@ def test_fresh_slack_looks_at_everything(bench):
     frames = bench.robot.joint_poses(q[None])[0]
     R, T = np.ascontiguousarray(frames[:, :3, :3]), np.ascontiguousarray(frames[:, :3, 3])
     slack = no_slack(arm)
-    assert frames_verdict(arm, solids, cells_of(bench.grid, tool[:0]), 0.02, R, T, slack)[0] == FREE
+    assert frames_verdict(arm, solids, cells_of(bench.grid, tool[:0]), 0.02, q, R, T, slack)[0] == FREE
     assert np.all(slack.cell_m[arm.moving > 0] > 0) and np.all(slack.static_m[arm.moving > 0] > 0) and np.all(slack.pair_m > 0)
-    assert frames_verdict(arm, solids, cells_of(bench.grid, tool), 0.02, R, T, no_slack(arm))[0] == HIT_CELL
+    assert frames_verdict(arm, solids, cells_of(bench.grid, tool), 0.02, q, R, T, no_slack(arm))[0] == HIT_CELL

@@ -29,6 +29,19 @@ ALL = ThinkingRules(("map", "repair", "fallback"), Bounds(3_000, 50, 6_000, 8), 
 NOT_IN_REPAIR = ThinkingRules(("map", "fallback"), Bounds(3_000, 50, 6_000, 8), 3_000)
 
 
+class Answered:
+    """An errand that is done."""
+
+    def __init__(self, answer: SamplingAnswer) -> None:
+        self.answer, self.is_withdrawn = answer, False
+
+    def wait(self) -> SamplingAnswer:
+        return self.answer
+
+    def withdraw(self) -> None:
+        self.is_withdrawn = True
+
+
 class Scene:
     """A map of two neurons, one at either end, that know of one another only by a straight way, and a wall across it."""
 
@@ -51,6 +64,9 @@ class Scene:
     def world(self, *cells) -> World:
         self.counts.set_cells(np.unique(np.concatenate(cells)) if cells else np.empty(0, dtype=np.int32))
         return World.of(self.bench.grid, self.counts)
+
+    def send(self, question: SamplingQuestion) -> Answered:
+        return Answered(self.sample(question))
 
     def sample(self, question: SamplingQuestion) -> SamplingAnswer:
         """The fallback, here."""
@@ -82,7 +98,7 @@ def _ask(q=HERE) -> Ask:
 def test_the_map_alone_has_no_way_and_repair_has(scene):
     world = scene.world(scene.wall)
     assert isinstance(scene.planner.answer(world, Ask(HERE, THERE), _watch()), NotFound)
-    motion = think(Thinking(scene.planner, world, _ask(), THERE[None], ALL, "why"), world, _watch(), scene.sample)
+    motion = think(Thinking(scene.planner, world, _ask(), THERE[None], ALL, "why"), world, _watch(), scene.send)
     assert isinstance(motion, Motion)
     assert motion.path.way == "repair"
     np.testing.assert_allclose(motion.curve.q_rad[[0, -1]], [HERE, THERE], rtol=0.0, atol=1e-12)
@@ -93,11 +109,12 @@ def test_the_fallback_answers_where_repair_is_not_wanted(scene):
     world = scene.world(scene.wall)
     thinking = Thinking(scene.planner, world, _ask(), THERE[None], NOT_IN_REPAIR, "why")
     watch, slices = _watch(), 0
-    while thinking.wanted is None:
+    while not thinking.is_waiting:
         assert thinking.advance(world, watch) is None
         slices += 1
     assert slices < 10
     assert thinking.advance(world, watch) is None, "it waits and does not block"
+    assert thinking.wanted is not None
     thinking.hear(scene.sample(thinking.wanted))
     motion = thinking.advance(world, watch)
     assert isinstance(motion, Motion) and motion.path.way == "fallback"
@@ -109,7 +126,7 @@ def test_equal_questions_get_equal_answers(scene, rules):
     answers = []
     for _ in range(2):
         world = scene.world(scene.wall)
-        motion = think(Thinking(scene.planner, world, _ask(), THERE[None], rules, "why"), world, _watch(), scene.sample)
+        motion = think(Thinking(scene.planner, world, _ask(), THERE[None], rules, "why"), world, _watch(), scene.send)
         assert isinstance(motion, Motion)
         answers.append(motion.curve.q_rad.tobytes() + motion.path.q_rad.tobytes())
     assert answers[0] == answers[1]
@@ -127,7 +144,7 @@ def test_no_way_says_what_was_tried(scene):
     few = ThinkingRules(("map", "repair", "fallback"), Bounds(5, 5, 6_000, 8), 5)
     shell = _shell_around(scene, HERE)
     world = scene.world(shell)
-    outcome = think(Thinking(scene.planner, world, _ask(), THERE[None], few, "why"), world, _watch(), scene.sample)
+    outcome = think(Thinking(scene.planner, world, _ask(), THERE[None], few, "why"), world, _watch(), scene.send)
     assert isinstance(outcome, NotFound)
     assert outcome.reason.startswith("why; repair found no way in 5 samples")
 

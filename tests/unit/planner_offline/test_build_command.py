@@ -26,7 +26,7 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache, but for the arm's distance grids, which take seconds to make."""
     kept = tmp_path / "tolman"
     kept.mkdir()
-    shutil.copy(cache_dir() / f"bodies-{ur3().fingerprint}.npz", kept)
+    shutil.copy(cache_dir() / f"geometry-{ur3().fingerprint}.npz", kept)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     return kept
 
@@ -59,3 +59,24 @@ def test_recorded_motions_are_learned_and_bad_ones_refused(tmp_path: Path, capsy
     assert json.loads((tmp_path / "r.json").read_text())["trajectories"] == 11
     assert main(["build", *SMALL, "--motions", str(bad)]) != 0
     assert "bad.csv" in capsys.readouterr().err
+
+
+def test_a_kept_gas_is_extended_and_a_lattice_is_not(tmp_path: Path, cache: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    more = tmp_path / "more.csv"
+    np.savetxt(more, np.linspace([1.8, -1.7, 1.5, -1.5, -1.5, 0], [2.8, -1.3, 1.1, -1.2, -1.5, 1], 20), delimiter=",")
+    grown = [*SMALL, "--set=planner.extend.n_added=20"]
+    assert main(["build", *grown]) == 0
+    base = next(iter(cache.glob("map-*.tolman")))
+    stamp = base.stat().st_mtime_ns
+    assert main(["build", *grown, "--extend", str(more), f"--json={tmp_path / 'r.json'}"]) == 0
+    assert "extended in" in capsys.readouterr().out
+    told = json.loads((tmp_path / "r.json").read_text())
+    assert (told["neurons_before"], told["neurons"], told["extended_by"]) == (100, 120, 1)
+    assert base.stat().st_mtime_ns == stamp and len(list(cache.glob("map-*.tolman"))) == 2
+    assert main(["build", *grown, f'--set=planner.extend.motions=["{more}"]']) == 0
+    assert "was there already" in capsys.readouterr().out, "a config that names the files is served by the same map"
+
+    assert main(["build", *SMALL, "--set=planner.model=som", "--extend", str(more)]) == 2
+    assert "cannot_extend: [planner] model: a som has a fixed grid and cannot be extended" in capsys.readouterr().err
+    assert main(["build", *grown, "--extend", str(tmp_path / "nothing.npy")]) == 2
+    assert "nothing.npy" in capsys.readouterr().err

@@ -8,16 +8,16 @@ import msgspec
 import numpy as np
 import pytest
 
-from common.errors import ArtefactError, ConfigError, TolmanError
+from common.errors import ConfigError, TolmanError
 from services.planner.config import PlannerConfig
 from services.planner.core.cognitive_map import quantisation_error_rad, statistics
 from services.planner.core.lookup import cells_of_pose
 from services.planner.core.world import no_cells
 from services.planner.kernels.collision import FREE
-from services.planner.offline import artefact, build
+from services.planner.offline import build
 from services.planner.offline.build import Job
-from services.planner.offline.config import ExtendConfig, GammaSomConfig, SomConfig
-from services.planner.offline.extend import Extended, extend, kept_map
+from services.planner.offline.config import ExtendConfig
+from services.planner.offline.extend import Extended, extend, samples_to_extend_by
 from services.planner.offline.motions import resample
 from services.planner.offline.scene import Scene
 from tests.support.cell import ur3_cell
@@ -36,9 +36,7 @@ def kept(config: PlannerConfig, tmp_path_factory: pytest.TempPathFactory) -> bui
 @pytest.fixture(scope="module")
 def task_rad(scene: Scene) -> np.ndarray:
     """(S, 6) a sweep to the other side of the arm, where no motion of the small map leads."""
-    home = scene.robot.home_rad
-    ends = home + np.array([[1.8, -0.2, 0.0, 0.0, 0.0, 0.0], [2.8, 0.2, -0.4, 0.3, 0.0, 1.0]])
-    return resample([ends], 300).q_rad
+    return resample([line(scene, 1.0)], 300).q_rad
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +86,7 @@ def test_without_room_to_grow_it_adapts(scene: Scene, config: PlannerConfig, kep
 
 @pytest.mark.parametrize("model", ["som", "gamma_som"])
 def test_a_lattice_is_refused(scene: Scene, config: PlannerConfig, kept: build.Built, task_rad: np.ndarray, model: str) -> None:
-    with pytest.raises(ConfigError, match=f"a {model} has a fixed grid and cannot be extended; train it anew on all motions") as caught:
+    with pytest.raises(ConfigError, match=f"a {model} has a fixed grid and cannot be extended; train it anew with --motions") as caught:
         extend(scene, msgspec.structs.replace(config, model=model), kept.learned, task_rad)
     assert caught.value.code == "cannot_extend"
 
@@ -106,27 +104,62 @@ def test_a_map_that_would_grow_too_large_is_refused(scene: Scene, config: Planne
         extend(scene, too_many, kept.learned, task_rad)
 
 
-def test_the_kept_map_is_read_and_a_lattice_is_not(scene: Scene, small: PlannerConfig, kept: build.Built, tmp_path: Path) -> None:
-    read = kept_map(kept.path, scene)
-    assert read.q_rad.tobytes() == kept.learned.q_rad.tobytes() and read.edges.tobytes() == kept.learned.edges.tobytes()
-    lattices = {
-        "som": {"som": SomConfig(rows=8, columns=8)},
-        "gamma_som": {"gamma_som": GammaSomConfig(rows=8, columns=8, epochs=2)},
-    }
-    few = msgspec.structs.replace(small, motions=msgspec.structs.replace(small.motions, n_trajectories=6, n_samples=300))
-    for model, section in lattices.items():
-        built = build.run(Job.of(ur3_cell(), msgspec.structs.replace(few, model=model, **section), cache=tmp_path))[0]
-        with pytest.raises(ConfigError, match=f"{built.path.name}: a {model} has a fixed grid and cannot be extended"):
-            kept_map(built.path, scene)
+def line(scene: Scene, sweep_rad: float) -> np.ndarray:
+    """(2, 6) a motion to the other side of the arm."""
+    home = scene.robot.home_rad
+    return home + np.array([[1.8, -0.2, 0.0, 0.0, 0.0, 0.0], [1.8 + sweep_rad, 0.2, -0.4, 0.3, 0.0, 1.0]])
 
 
-def test_what_is_no_map_of_this_robot_is_refused(scene: Scene, kept: build.Built, tmp_path: Path) -> None:
-    with pytest.raises(ArtefactError, match="cannot be read"):
-        kept_map(tmp_path / "nothing.tolman", scene)
-    prints = {**kept.fingerprints, "robot": "another"}
-    artefact.write(tmp_path / "foreign.tolman", artefact.Artefact({}, prints))
-    with pytest.raises(ArtefactError, match="another robot"):
-        kept_map(tmp_path / "foreign.tolman", scene)
-    artefact.write(tmp_path / "empty.tolman", artefact.Artefact({}, kept.fingerprints))
-    with pytest.raises(ArtefactError, match="neurons_rad"):
-        kept_map(tmp_path / "empty.tolman", scene)
+def test_a_job_extends_the_kept_map_and_keeps_both(config: PlannerConfig, kept: build.Built, scene: Scene) -> None:
+    cache, motion = kept.path.parent, line(scene, 1.0)
+    stamp = kept.path.stat().st_mtime_ns
+    job = Job.of(ur3_cell(), config, cache=cache, extension=[motion])
+    assert job.base.path == kept.path != job.path
+    built, seconds = build.run(job)
+    assert kept.path.stat().st_mtime_ns == stamp, "the kept map was made anew"
+    assert list(seconds) == ["extend", "total"]
+    samples = samples_to_extend_by(config, [motion])
+    assert len(samples.q_rad) >= 40 * 1500 / 150  # as many a neuron as the map has
+    expected = extend(scene, config, kept.learned, samples.q_rad)
+    assert built.learned.q_rad.tobytes() == expected.learned.q_rad.tobytes()
+    assert built.table.node_owner.tobytes() == expected.table.node_owner.tobytes()
+    again = build.load(job)
+    assert again.sha256 == built.sha256 and again.figures == built.figures
+    assert (built.figures["extended_by"], built.figures["base_sha256"], built.figures["neurons_before"]) == (1, kept.sha256, 150)
+
+
+def test_the_config_names_the_same_extension_by_file_and_others_have_other_files(
+    config: PlannerConfig, kept: build.Built, scene: Scene, tmp_path: Path
+) -> None:
+    cache, motion = kept.path.parent, line(scene, 1.0)
+    np.save(tmp_path / "m.npy", motion)
+    by_file = msgspec.structs.replace(config, extend=ExtendConfig(n_added=40, motions=[str(tmp_path / "m.npy")]))
+    paths = [
+        Job.of(ur3_cell(), config, cache=cache).path,
+        Job.of(ur3_cell(), config, cache=cache, extension=[motion]).path,
+        Job.of(ur3_cell(), config, cache=cache, extension=[motion, motion]).path,
+        Job.of(ur3_cell(), config, [motion], cache=cache).path,
+        Job.of(ur3_cell(), msgspec.structs.replace(config, extend=ExtendConfig(n_added=41)), cache=cache, extension=[motion]).path,
+    ]
+    assert len(set(paths)) == len(paths)
+    assert Job.of(ur3_cell(), by_file, cache=cache).path == paths[1]
+    assert Job.of(ur3_cell(), msgspec.structs.replace(config, extend=ExtendConfig()), cache=cache).path == paths[0]
+
+
+@pytest.mark.parametrize("model", ["som", "gamma_som"])
+def test_a_job_that_would_extend_a_lattice_is_refused_before_anything_is_made(config: PlannerConfig, model: str, tmp_path: Path) -> None:
+    lattice = msgspec.structs.replace(config, model=model)
+    with pytest.raises(ConfigError, match=f"a {model} has a fixed grid and cannot be extended") as caught:
+        Job.of(ur3_cell(), lattice, cache=tmp_path, extension=[tmp_path / "is-not-even-read.npy"])
+    assert caught.value.code == "cannot_extend"
+    named = msgspec.structs.replace(lattice, extend=ExtendConfig(motions=["nothing.npy"]))
+    with pytest.raises(ConfigError, match="cannot be extended"):
+        Job.of(ur3_cell(), named, cache=tmp_path)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_motions_without_length_are_refused_before_the_map_is_looked_for(config: PlannerConfig, tmp_path: Path) -> None:
+    job = Job.of(ur3_cell(), config, cache=tmp_path, extension=[np.zeros((3, 6))])
+    with pytest.raises(TolmanError, match="every path is a point") as caught:
+        build.run(job)
+    assert caught.value.code == "bad_motions" and list(tmp_path.iterdir()) == []

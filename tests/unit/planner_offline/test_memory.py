@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import msgspec
@@ -136,6 +137,19 @@ def test_growth_is_bounded_over_all_lessons(parts: Parts) -> None:
     with pytest.raises(RequestError) as caught:
         student(changed(parts, max_added_neurons=n - 1, keep=False)).take_in(Lesson(PATH))
     assert caught.value.code == "too_long"
+
+
+@pytest.mark.parametrize("model", ["som", "gamma_som"])
+def test_a_lattice_learns_nothing_and_says_why(parts: Parts, model: str) -> None:
+    student(parts).take_in(Lesson(PATH))  # a gas' journal is no lattice's
+    lattice = parts.on(dataclasses.replace(parts.roadmap, model=model))
+    memory = recall(lattice)
+    assert memory.journal is None and memory.complaint == "" and memory.parts is lattice
+    one = student(lattice, memory)
+    rehearse_learning(one, lattice)
+    with pytest.raises(RequestError, match=f"a {model} has a fixed grid, .* cannot be extended") as caught:
+        one.take_in(Lesson(PATH))
+    assert caught.value.code == "cannot_extend" and caught.value.facts == {"model": model}
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from services.planner.core.gng import GasParameters, GrowingNeuralGas
 from services.planner.core.lookup import LookupTable, build_table
 from services.planner.core.models import MapModel
 from services.planner.core.som import SelfOrganisingMap, SomParameters
-from services.planner.kernels.lookup import segment_steps
+from services.planner.kernels.moves import segment_steps
 from services.planner.offline.scene import Scene
 from tests.support.joint_samples import ring
 from tests.support.slow_planner import slow_pose_cells

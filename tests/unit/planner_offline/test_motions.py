@@ -114,3 +114,6 @@ def test_recorded_motions_are_read_or_refused_by_name(tmp_path) -> None:
     for name in ("words.csv", "narrow.npy", "nan.npy", "missing.csv"):
         with pytest.raises(ConfigError, match=name):
             read_recorded(tmp_path / name, ur3())
+    np.save(tmp_path / "far.npy", np.vstack([q, np.full(6, 7.0)]))
+    with pytest.raises(ConfigError, match=r"far\.npy: row 3: shoulder_pan_joint: 7 rad is outside its limits"):
+        read_recorded(tmp_path / "far.npy", ur3())

@@ -31,7 +31,7 @@ def test_the_second_load_comes_from_the_cache_and_is_equal(tmp_path: Path):
 def test_a_torn_cache_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
     first = load_robot(planar_config(tmp_path))
-    (kept,) = (tmp_path / "cache" / "tolman").glob("bodies-*.npz")
+    (kept,) = (tmp_path / "cache" / "tolman").glob("geometry-*.npz")
     kept.write_bytes(kept.read_bytes()[:1000])
     again = load_robot(planar_config(tmp_path))
     assert np.array_equal(first.grids.distance, again.grids.distance)

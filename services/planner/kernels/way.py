@@ -1,0 +1,141 @@
+"""Whether a whole way is free, looked at from the coarse to the fine: most of what is blocked shows at the middle or the quarters.
+
+A look at a pose tells of each body how far it may move until it could touch a cell or the static layer, and of each pair until it could
+touch one another (:mod:`services.planner.kernels.collision`). Between two poses that were looked at, what cannot move far enough to use up
+the room that it has at both needs no look (Schwarzer, Saha and Latombe 2005, "Adaptive dynamic collision checking", IEEE T-RO 21(3)).
+Where that does not decide, the way is halved, until its poses are so close together that no point of the arm moves more than ``step_m``.
+
+Twin: every pose of the finest step by itself (``tests/unit/planner/test_way.py``).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from common.robot.kernels import forward_kinematics
+from services.planner.kernels.collision import body_cell_gap, pair_gap, tabled_gap
+from services.planner.kernels.moves import parabola_moves, segment_moves
+from services.planner.kernels.static_layer import body_static_gap
+
+__all__ = ["line_is_free", "parabola_is_free"]
+
+
+@njit(cache=True, nogil=True)
+def line_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b):  # type: ignore[no-untyped-def]
+    """Whether the straight joint segment from ``q_a`` to ``q_b`` (J,) is free, both ends included."""
+    n_joints, n_bodies = len(q_a), len(arm.moving)
+    rotation, translation = np.empty((2, n_joints + 1, 3, 3)), np.empty((2, n_joints + 1, 3))
+    leg, turned, body_m = q_b - q_a, np.empty(n_joints), np.empty(n_bodies)
+    n_steps = segment_moves(arm, q_a, leg, step_m, body_m, rotation, translation)
+    for j in range(n_joints):
+        turned[j] = abs(leg[j]) / n_steps
+    moved = _most_moved(arm, turned, body_m)
+    return _is_free(arm, solids, cells, safety_m, q_a, leg, np.zeros(n_joints), n_steps, moved, rotation[0], translation[0])
+
+
+@njit(cache=True, nogil=True)
+def parabola_is_free(arm, solids, cells, safety_m, step_m, q_a, leg_in, leg_out):  # type: ignore[no-untyped-def]
+    """Whether the parabola that leaves ``q_a`` (J,) along ``leg_in`` and ends along ``leg_out`` after it is free.
+
+    The quadratic Bezier curve with control points q_a, q_a + leg_in, q_a + leg_in + leg_out.
+    """
+    n_joints, n_bodies = len(q_a), len(arm.moving)
+    rotation, translation = np.empty((2, n_joints + 1, 3, 3)), np.empty((2, n_joints + 1, 3))
+    turned, slope, bend, body_m = np.empty(n_joints), np.empty(n_joints), np.empty(n_joints), np.empty(n_bodies)
+    n_steps = parabola_moves(arm, q_a, leg_in, leg_out, step_m, body_m, rotation, translation)
+    for j in range(n_joints):
+        slope[j], bend[j] = 2.0 * leg_in[j], leg_out[j] - leg_in[j]
+        turned[j] = 2.0 * max(abs(leg_in[j]), abs(leg_out[j])) / n_steps  # no joint turns faster than twice the longer leg
+    moved = _most_moved(arm, turned, body_m)
+    return _is_free(arm, solids, cells, safety_m, q_a, slope, bend, n_steps, moved, rotation[0], translation[0])
+
+
+@njit(cache=True, nogil=True)
+def _most_moved(arm, turned, body_m):  # type: ignore[no-untyped-def]
+    """(2 B + P,) metres that each body, once against cells and once against the static layer, and each pair may move in a step.
+
+    ``turned`` (J,) rad in a step; ``body_m`` (B,) what each body's points do not outrun in a step.
+    """
+    n_bodies, n_pairs = len(arm.moving), len(arm.pairs)
+    moved = np.zeros(2 * n_bodies + n_pairs)
+    for b in range(n_bodies):
+        if arm.moving[b]:
+            for j in range(len(turned)):
+                moved[b] += turned[j] * arm.lever_m[b, j]
+            moved[b] = min(moved[b], body_m[b])
+            moved[n_bodies + b] = moved[b]
+    for p in range(n_pairs):
+        for j in range(len(turned)):
+            moved[2 * n_bodies + p] += turned[j] * arm.pair_lever_m[p, j]
+        apart = moved[arm.pairs[p, 0]] + moved[arm.pairs[p, 1]]
+        moved[2 * n_bodies + p] = min(moved[2 * n_bodies + p], apart)
+    return moved
+
+
+@njit(cache=True, nogil=True)
+def _is_free(arm, solids, cells, safety_m, q_a, slope, bend, n_steps, moved, rotation, translation):  # type: ignore[no-untyped-def]
+    """Whether ``q_a + u slope + u^2 bend`` is free at u = 0, 1 / n_steps, ..., 1; ``moved``: see :func:`_most_moved`."""
+    n_items = len(moved)
+    gap = np.empty((n_steps + 1, n_items))  # metres that an item may move from a pose on until it could touch something
+    q, look = np.empty(len(q_a)), np.ones(n_items, dtype=np.bool_)
+    for end in (n_steps, 0):
+        if not _looks_free(arm, solids, cells, safety_m, q_a, slope, bend, end / n_steps, q, look, gap[end], rotation, translation):
+            return False
+    waiting, n_waiting, first = np.empty((n_steps + 1, 2), dtype=np.int64), 0, 0  # fewer than n_steps pieces have something in between
+    if n_steps > 1:
+        waiting[0, 0], waiting[0, 1], n_waiting = 0, n_steps, 1
+    while first < n_waiting:  # first in, first out: all halves before any quarter
+        low, high = waiting[first, 0], waiting[first, 1]
+        first += 1
+        undecided = False
+        for i in range(n_items):
+            look[i] = gap[low, i] + gap[high, i] <= moved[i] * (high - low)
+            undecided = undecided or look[i]
+        if not undecided:
+            continue
+        middle = (low + high) // 2
+        for i in range(n_items):
+            if not look[i]:
+                gap[middle, i] = max(gap[low, i] - moved[i] * (middle - low), gap[high, i] - moved[i] * (high - middle))
+        if not _looks_free(arm, solids, cells, safety_m, q_a, slope, bend, middle / n_steps, q, look, gap[middle], rotation, translation):
+            return False
+        for begin, end in ((low, middle), (middle, high)):
+            if end - begin > 1:
+                waiting[n_waiting, 0], waiting[n_waiting, 1] = begin, end
+                n_waiting += 1
+    return True
+
+
+@njit(cache=True, nogil=True)
+def _looks_free(arm, solids, cells, safety_m, q_a, slope, bend, u, q, look, gap, rotation, translation):  # type: ignore[no-untyped-def]
+    """Look at the pose at ``u`` for the items in ``look`` and fill their ``gap``; False as soon as one has none."""
+    grids, n_bodies = arm.grids, len(arm.moving)
+    for j in range(len(q)):
+        q[j] = q_a[j] + u * (slope[j] + u * bend[j])
+    needs_frames = False
+    for i in range(len(look)):
+        if look[i]:
+            p = i - 2 * n_bodies
+            gap[i] = tabled_gap(arm, p, q) if p >= 0 else (0.0 if arm.moving[i % n_bodies] else np.inf)
+            needs_frames = needs_frames or gap[i] <= 0.0
+    if not needs_frames:
+        return True
+    forward_kinematics(arm.chain, q, rotation, translation)
+    for i in range(len(look)):
+        if not look[i] or gap[i] > 0.0:
+            continue
+        if i >= 2 * n_bodies:
+            gap[i] = pair_gap(arm, i - 2 * n_bodies, rotation, translation)
+        else:
+            b = i % n_bodies
+            turn, shift = rotation[grids.body_joint[b]], translation[grids.body_joint[b]]
+            if i < n_bodies:
+                hit, gap[i] = body_cell_gap(arm, cells, b, safety_m, turn, shift)
+            else:
+                gap[i], hit = body_static_gap(grids, solids, b, turn, shift, arm.static_margin_m)
+            if hit >= 0:
+                return False
+        if i >= 2 * n_bodies and gap[i] <= 0.0:
+            return False
+    return True
