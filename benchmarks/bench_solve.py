@@ -79,7 +79,8 @@ def run(args: argparse.Namespace) -> int:
 def _ask(parts: Parts, problems: list[TrainingProblem], limit_s: float) -> list[Record]:
     with fallback_of(parts) as sample:
         solver = Solver(parts, sample, limit_s)
-        solver.ask(problems[0].problem)  # compiles what is not yet compiled
+        for _, group in groupby(problems, key=lambda p: p.problem.set_name):
+            solver.rehearse(next(group).problem)
         return [solver.ask(p.problem) for p in track(problems, "problems", transient=True, disable=not sys.stderr.isatty())]
 
 

@@ -112,6 +112,10 @@ class Solver:
             n_cells=len(cells),
         )
 
+    def rehearse(self, problem: Problem) -> None:
+        """Answer without a record: what is not yet compiled is then."""
+        self._answer(problem, solid_cells(self._parts.grid, problem.solids))
+
     def _answer(self, problem: Problem, cells: I32) -> tuple[str | None, F64 | None, str, float]:
         """Way, points of the curve (K, J), what the map said, milliseconds from cells to the answer."""
         for end, q in (("start", problem.q_start), ("goal", problem.q_goal)):
