@@ -34,7 +34,7 @@ __all__ = ["RobotModel", "cache_dir", "load_robot"]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Geometry = tuple[BodyGrids, I64, F64, PairTables]
-CACHE_VERSION = 3  # raise when the meaning of a cached array changes
+CACHE_VERSION = 4  # raise when the meaning of a cached array changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -239,7 +239,7 @@ def _cached_geometry(fingerprint: str, bodies: tuple[Body, ...], chain: Chain, l
         return loaded
     grids = build_grids(bodies)
     pairs, pair_usual_m = self_collision_pairs(bodies, chain, grids, low, high)
-    tables = build_pair_tables(chain, grids, pairs)
+    tables = build_pair_tables(bodies, chain, grids, pairs)
     arrays: dict[str, Any] = {name: np.asarray(value) for name, value in grids._asdict().items()}
     arrays |= {f"pair_tables_{name}": value for name, value in tables._asdict().items()}
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
