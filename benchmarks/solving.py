@@ -19,11 +19,11 @@ from services.planner.core.found import path_length
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Motion
 from services.planner.core.rrt_connect import RrtConnect, RrtParameters
+from services.planner.core.ways import Sampler
 from services.planner.core.world import World, cells_of
 from services.planner.kernels.collision import FREE
 from services.planner.offline.problems import Problem
 from services.planner.offline.solid_cells import solid_cells
-from services.planner.questions import Sampler
 
 __all__ = ["WAYS", "Record", "Solver"]
 

@@ -154,7 +154,8 @@ def _problem(place: str, set_name: str, number: int, record: Any, order: list[in
             raise _bad(f"{place}: {field}[{int(np.argmin(np.isfinite(q)))}] is not a finite number")
         ends.append(q[order])
     solids = tuple(obstacle.solid(T_world_base) for obstacle in read.obstacles)
-    return Problem(set_name, number if read.index is None else read.index, *ends, solids)
+    q_start, q_goal = ends
+    return Problem(set_name, number if read.index is None else read.index, q_start, q_goal, solids)
 
 
 def _shown_index(record: Any, number: int) -> str:
