@@ -29,7 +29,7 @@ from services.planner.kernels.static_layer import Solids
 from services.planner.offline.build import Built, Job, load_or_build
 from services.planner.offline.finishing import layer_rules
 
-__all__ = ["Parts", "assemble"]
+__all__ = ["Parts", "assemble", "parts_of"]
 
 Progress = Callable[[str, float], None]
 SEPARATION_REACH_M = 0.15  # within it separations are measured by grids, beyond by the spheres that contain a body; our choice
@@ -74,7 +74,7 @@ class Parts:
     def ground(self) -> Ground:
         """What the rows of the table depend on."""
         margins = self.config.margins
-        return Ground(self.arm, self.grid, margins.safety_m, margins.step_m, layer_rules(self.arm, self.grid, self.config))
+        return Ground(self.arm, self.grid, margins.safety_m, margins.edge_step_m, layer_rules(self.arm, self.grid, self.config))
 
     def on(self, roadmap: Roadmap) -> Parts:
         """The same with another roadmap: one that has grown."""
@@ -122,9 +122,13 @@ def assemble(cell: CellConfig, config: PlannerConfig, progress: Progress = lambd
         TolmanError: robot or map cannot be had.
     """
     job = Job.of(cell, config)
-    built = load_or_build(job, progress)
-    roadmap = Roadmap.of(built.learned, built.table, config.model)
-    return Parts(cell, config, job.scene.robot, job.scene.grid, roadmap, built, _separation(job.scene.arm, config))
+    return parts_of(job, load_or_build(job, progress))
+
+
+def parts_of(job: Job, built: Built) -> Parts:
+    """The parts of a job whose map is there."""
+    roadmap = Roadmap.of(built.learned, built.table, job.config.model)
+    return Parts(job.cell, job.config, job.scene.robot, job.scene.grid, roadmap, built, _separation(job.scene.arm, job.config))
 
 
 def _separation(arm: Arm, config: PlannerConfig) -> Separation | None:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal
 from msgspec import Meta, field
 
 from common.config import Strict
-from services.planner.offline.config import ExtendConfig, GammaSomConfig, MapConfig, MotionsConfig, SomConfig
+from services.planner.offline.config import ExtendConfig, GammaSomConfig, MapConfig, MotionsConfig, ProblemsConfig, SomConfig
 
 __all__ = [
     "ClearanceConfig",
@@ -37,6 +37,13 @@ class MarginsConfig(Strict, frozen=True):
     self_m: Length = 0.005  # our choice
     step_m: Annotated[float, Meta(gt=0, le=0.1)] = 0.02  # no part of the arm moves farther between two checked poses, so none is ever
     # farther than half of it from a checked one: half of the safety distance is left in between
+    # The same between two samples of an edge in the table; absent: as step_m. What a table overlooks the look at the curve finds.
+    table_step_m: Annotated[float, Meta(gt=0, le=0.1)] | None = None
+
+    @property
+    def edge_step_m(self) -> float:
+        """Farthest that any point of the arm moves between two samples of an edge."""
+        return self.step_m if self.table_step_m is None else self.table_step_m
 
 
 class ClearanceConfig(Strict, frozen=True):
@@ -145,6 +152,7 @@ class PlannerConfig(Strict, frozen=True):
     som: SomConfig = SomConfig()
     gamma_som: GammaSomConfig = GammaSomConfig()
     extend: ExtendConfig = ExtendConfig()
+    problems: ProblemsConfig = ProblemsConfig()
     margins: MarginsConfig = MarginsConfig()
     clearance: ClearanceConfig = ClearanceConfig()
     separation: SeparationConfig = SeparationConfig()

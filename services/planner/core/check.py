@@ -69,7 +69,7 @@ class Checker:
         self._body_names = body_names
         self._solid_names = solid_names
         self._arm_against_cells = arm._replace(pairs=arm.pairs[:0], pair_lever_m=arm.pair_lever_m[:0])
-        self._blend_arm = arm._replace(static_margin_m=arm.static_margin_m + ASTRAY_M, self_margin_m=arm.self_margin_m + ASTRAY_M)
+        self._blend_arm = arm._replace(static_margin_m=arm.static_margin_m + ASTRAY_M, pair_margin_m=arm.pair_margin_m + ASTRAY_M)
         self._no_solids = NO_SOLIDS
         n_joints = len(arm.chain.axis)
         self._rotation, self._translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))

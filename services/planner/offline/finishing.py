@@ -82,7 +82,7 @@ def table_of(scene: Scene, config: PlannerConfig, learned: CognitiveMap, progres
         learned.q_rad,
         learned.edges,
         safety_m=scene.margins.safety_m,
-        step_m=scene.margins.step_m,
+        step_m=scene.margins.edge_step_m,
         progress=lambda done, total: progress(share * done / total),
     )
     if rules is None:
@@ -96,4 +96,4 @@ def layer_rules(arm: Arm, grid: Grid, config: PlannerConfig) -> LayerRules | Non
     clearance, margins = config.clearance, config.margins
     if not clearance.layers_m:
         return None
-    return LayerRules.of(arm, grid, clearance.layers_m, clearance.block_m, safety_m=margins.safety_m, step_m=margins.step_m)
+    return LayerRules.of(arm, grid, clearance.layers_m, clearance.block_m, safety_m=margins.safety_m, step_m=margins.edge_step_m)
