@@ -29,7 +29,7 @@ from common.robot.pairs import self_collision_pairs
 from common.robot.solids import GRID_REACH_M, GRID_SPACING_M, Body, build_grids, mesh_of_solid
 from common.robot.urdf import load_bodies, load_kinematics, resolve
 
-__all__ = ["RobotModel", "cache_dir", "load_robot"]
+__all__ = ["RobotModel", "cache_dir", "chain_of", "load_robot"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -137,7 +137,7 @@ def load_robot(config: RobotConfig) -> RobotModel:
     T_joint_flange = np.asarray(flange.placement.homogeneous)
     bodies = load_bodies(model, geometry, config.immobile_links)
     bodies += _tool_bodies(config, T_joint_flange, n_joints)
-    chain = _chain(model, config)
+    chain = chain_of(model, config)
     low, high, velocity = _limits(model, config)
     fingerprint = _fingerprint(config, bodies, chain, low, high, velocity)
     grids, pairs, pair_usual_m, pair_tables = _cached_geometry(fingerprint, tuple(bodies), chain, low, high)
@@ -178,7 +178,8 @@ def _tool_bodies(config: RobotConfig, T_joint_flange: F64, n_joints: int) -> lis
     return [Body("tool", n_joints, np.vstack(vertices), np.vstack(triangles).astype(np.int32), False)]
 
 
-def _chain(model: pin.Model, config: RobotConfig) -> Chain:
+def chain_of(model: pin.Model, config: RobotConfig) -> Chain:
+    """The joints of a serial arm, standing where the config says, as the kernels want them."""
     base = rpy_matrix(config.base_position_m, config.base_rpy_rad)
     placements = [model.jointPlacements[j] for j in range(1, model.njoints)]
     axes, prismatic = [], []
