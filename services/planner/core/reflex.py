@@ -218,8 +218,8 @@ class Reflex:
         if self.goal is None or not self.thinker.is_about(self.goal.id, arm.q_reference_rad):
             self.thinker.drop()
             return
-        watch = Stopwatch(self._clock_ns, self.report.timing_ms)
-        outcome = self.thinker.advance(self.vision.world, watch)
+        outcome = self.thinker.advance(self.vision.world, Stopwatch(self._clock_ns, self.thinker.ms))
+        self.report.timing_ms.update(self.thinker.ms)
         if isinstance(outcome, NotFound):
             self._no_way(outcome)
         elif outcome is not None:
