@@ -1,7 +1,8 @@
 """The world changed: how long until a motion round it is ready to send, how often there is one, and does it ever collide.
 
 connect_search_ms: changed cells -> path joined to the true start and goal. answer_ms: -> smoothed, timed, checked, ready to send.
-Each question starts from an empty world. Solvable means: RRTConnect solves it in 5 s under the same inflation.
+Both are of what the map alone solved, as are n_solved and solved_share; all_ways adds repair and fallback. Each question starts from an
+empty world. Solvable means: RRTConnect solves it in 5 s under the same inflation.
 """
 
 from __future__ import annotations
@@ -18,20 +19,22 @@ from typing import Any
 import numpy as np
 from rich.progress import track
 
+from benchmarks.answers import Answer, Answerer, fallback_of
 from benchmarks.provenance import provenance
 from benchmarks.questions import SETS, Question, questions
 from benchmarks.referee import Referee, at_steps
 from benchmarks.solvable import is_solvable
 from common.cell import load
 from common.config import plain
-from services.planner.assemble import Parts, assemble
+from services.planner.assemble import assemble
 from services.planner.config import PlannerConfig
-from services.planner.core.lookup import BlockedCounts
-from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
-from services.planner.core.world import World
+from services.planner.core.motion import Motion
 from services.planner.rehearsal import rehearse
 
 __all__ = ["add_arguments", "run"]
+
+
+WITHIN_S = (1.0, 5.0)  # issue
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -51,22 +54,22 @@ def run(args: argparse.Namespace) -> int:
     parts = assemble(cell, config)
     rehearse(parts, time.monotonic_ns)
     asked = list(track(questions(parts, args.name, args.n, args.seed), "questions", total=args.n, transient=True, disable=args.once))
-    planner = parts.motion_planner()
-    answers = [_answer(parts, planner, question) for question in _shown(asked, "answers", hide=args.once)]
-    digest = _digest([motion for motion, _ in answers])
+    with fallback_of(parts) as sampler:
+        answerer = Answerer(parts, sampler)
+        answers = [answerer.answer(question) for question in _shown(asked, "answers", hide=args.once)]
+    digest = _digest(answers)
     if args.once:
         print(digest)
         return 0
     solvable = [  # what we solved needs no proof
-        isinstance(motion, Motion) or is_solvable(parts, question)
-        for question, (motion, _) in zip(_shown(asked, "solvable?"), answers, strict=True)
+        answer.way is not None or is_solvable(parts, question) for question, answer in zip(_shown(asked, "solvable?"), answers, strict=True)
     ]
     referee = Referee(parts.robot, cell.static)
     collisions = 0
-    for question, (motion, _) in zip(_shown(asked, "referee"), answers, strict=True):
-        if isinstance(motion, Motion):
-            collisions += referee.collides(at_steps(_dense(motion)), question.boxes_m)
-    figures = _figures(answers, solvable, collisions)
+    for question, answer in zip(_shown(asked, "referee"), answers, strict=True):
+        if isinstance(answer.motion, Motion):
+            collisions += referee.collides(at_steps(_dense(answer.motion)), question.boxes_m)
+    figures = _figures(answers, sum(solvable), collisions)
     figures["equal_answers_in_3_processes"] = all(_digest_elsewhere(args) == digest for _ in range(2))
     report = {**provenance(args.seed, plain(config)), "set": args.name, "n": args.n, **figures}
     print(json.dumps(figures, indent=2))
@@ -79,39 +82,41 @@ def _shown(asked: list[Question], what: str, *, hide: bool = False) -> Any:
     return track(asked, what, transient=True, disable=hide)
 
 
-def _answer(parts: Parts, planner: MotionPlanner, question: Question) -> tuple[Any, dict[str, float]]:
-    config = parts.config
-    counts = BlockedCounts(parts.roadmap.table, parts.roadmap.n_neurons, parts.roadmap.n_edges)
-    watch = Stopwatch(time.perf_counter_ns)
-    began = watch.clock_ns()
-    counts.set_cells(question.cells)
-    world = World.of(parts.grid, counts)
-    watch.add("update", began)
-    ask = Ask(question.q_start, question.q_goal, None, config.rules, config.search, config.smoothing.smooth)
-    answer = planner.answer(world, ask, watch)
-    watch.add("answer", began)
-    watch.ms["connect_search"] = watch.ms["update"] + watch.ms["search"]
-    return answer, watch.ms
-
-
 def _dense(motion: Motion) -> Any:
     """The curve itself between its knots, close enough together that straight pieces are the curve."""
     times = np.linspace(0.0, motion.curve.duration_s, 20 * len(motion.curve.t_s))
     return motion.curve.sample(times)[0]
 
 
-def _figures(answers: list[tuple[Any, dict[str, float]]], solvable: list[bool], collisions: int) -> dict[str, Any]:
-    solved = [isinstance(motion, Motion) for motion, _ in answers]
+def _figures(answers: list[Answer], n_solvable: int, collisions: int) -> dict[str, Any]:
+    by_map = [answer for answer in answers if answer.way == "map"]
     stages = ("connect_search", "answer", "update", "search", "smooth", "time", "verify")
-    milliseconds = {stage: [ms[stage] for (_, ms), done in zip(answers, solved, strict=True) if done and stage in ms] for stage in stages}
+    milliseconds = {stage: [answer.ms[stage] for answer in by_map if stage in answer.ms] for stage in stages}
     return {
-        "n_solvable": sum(solvable),
-        "n_solved": sum(solved),
-        "solved_share": sum(solved) / max(1, sum(solvable)),
+        "n_solvable": n_solvable,
+        "n_solved": len(by_map),
+        "solved_share": len(by_map) / max(1, n_solvable),
+        "all_ways": _all_ways(answers, n_solvable),
         "collisions": collisions,
-        "fell_back": sum(isinstance(motion, Motion) and motion.fell_back for motion, _ in answers),
+        "fell_back": sum(isinstance(answer.motion, Motion) and answer.motion.fell_back for answer in answers),
         **{f"{stage}_ms": _percentiles(values) for stage, values in milliseconds.items() if values},
     }
+
+
+def _all_ways(answers: list[Answer], n_solvable: int) -> dict[str, Any]:
+    """Solved shares of the solvable by all ways together, and for each way how many it solved and how long an answer took."""
+    took_ms = [answer.ms["answer"] for answer in answers if answer.way is not None]
+    figures: dict[str, Any] = {"n_solved": len(took_ms), "solved_share": len(took_ms) / max(1, n_solvable)}
+    for within_s in WITHIN_S:
+        figures[f"solved_share_within_{within_s:g}_s"] = sum(ms <= within_s * 1e3 for ms in took_ms) / max(1, n_solvable)
+    for way in ("map", "repair", "fallback"):
+        mine = [answer.ms["answer"] for answer in answers if answer.way == way]
+        figures[way] = {"n_solved": len(mine), **({"ms": _percentiles(mine)} if mine else {})}
+    again = [answer.ms["answer"] for answer in answers if answer.way == "map" and "repair" in answer.ms]
+    figures["map"]["n_by_more_connections"] = len(again)
+    unsolved = [answer.ms["answer"] for answer in answers if answer.way is None]
+    figures["unsolved"] = {"n": len(unsolved), **({"ms": _percentiles(unsolved)} if unsolved else {})}
+    return figures
 
 
 def _percentiles(values: list[float]) -> dict[str, float]:
@@ -119,10 +124,12 @@ def _percentiles(values: list[float]) -> dict[str, float]:
     return {"p50": round(float(p50), 3), "p95": round(float(p95), 3), "p99": round(float(p99), 3), "max": round(max(values), 3)}
 
 
-def _digest(motions: list[Any]) -> str:
+def _digest(answers: list[Answer]) -> str:
     digest = hashlib.sha256()
-    for motion in motions:
+    for answer in answers:
+        motion = answer.motion
         if isinstance(motion, Motion):
+            digest.update(motion.path.way.encode())
             for array in (motion.path.neurons, motion.path.q_rad, motion.curve.t_s, motion.curve.q_rad, motion.curve.dq_rad_s):
                 digest.update(np.ascontiguousarray(array).tobytes())
         else:

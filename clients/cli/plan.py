@@ -19,6 +19,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--cells", type=int, nargs="*", default=None, help="flat indices of occupied cells (default: the live ones)")
     parser.add_argument("--search", choices=["dijkstra", "wavefront", "astar", "bidirectional"])
     parser.add_argument("--rules", choices=["checked", "paper"])
+    parser.add_argument("--ways", nargs="+", choices=["map", "repair", "fallback"], help="which may answer (default: those configured)")
     parser.add_argument("--no-smooth", action="store_true", help="the path through the neurons as it is")
     parser.add_argument("--offline", action="store_true", help="load the map and plan here, without a stack")
     parser.add_argument("--timeout", type=float, default=10.0, metavar="S", help="for the answer (default %(default)s)")
@@ -48,6 +49,7 @@ def _request(args: argparse.Namespace) -> PlanRequest:
         cells=None if args.cells is None else np.asarray(args.cells, dtype=np.int32),
         search=args.search,
         rules=args.rules,
+        ways=args.ways,
         smooth=False if args.no_smooth else None,
     )
 

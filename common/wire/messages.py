@@ -295,6 +295,7 @@ class PlanRequest(Message, frozen=True, kw_only=True, eq=False):
     search: Search | None = None
     rules: Rules | None = None
     smooth: bool | None = None
+    ways: list[Way] | None = None
 
 
 class PlanReply(Message, frozen=True, kw_only=True, eq=False):

@@ -9,11 +9,21 @@ from msgspec import Meta
 from common.config import Strict
 from services.planner.offline.config import ExtendConfig, GammaSomConfig, MapConfig, MotionsConfig, SomConfig
 
-__all__ = ["LearningConfig", "MarginsConfig", "PlannerConfig", "ReplanConfig", "SmoothingConfig", "SpeedConfig"]
+__all__ = [
+    "FallbackConfig",
+    "LearningConfig",
+    "MarginsConfig",
+    "PlannerConfig",
+    "RepairConfig",
+    "ReplanConfig",
+    "SmoothingConfig",
+    "SpeedConfig",
+]
 
 Positive = Annotated[float, Meta(gt=0)]
 Length = Annotated[float, Meta(ge=0, le=0.2)]
 Share = Annotated[float, Meta(gt=0, le=1)]
+Way = Literal["map", "repair", "fallback"]
 
 
 class MarginsConfig(Strict, frozen=True):
@@ -58,8 +68,24 @@ class ReplanConfig(Strict, frozen=True):
     unavoidable_frames: Annotated[int, Meta(ge=1)] = 5  # our choice: evidence for something in cells that no path avoids
 
 
+class RepairConfig(Strict, frozen=True):
+    """Bounds of the search that joins the parts of the map. Counts, never time, so that equal questions get equal answers."""
+
+    iterations: Annotated[int, Meta(ge=1, le=1_000_000)] = 2_000  # samples; our choice
+    slice_iterations: Annotated[int, Meta(ge=1, le=1_000)] = 25  # samples in a step of the planner; measured: at most 10 ms
+    connections: Annotated[int, Meta(ge=1, le=1_000)] = 64  # nearest neurons that start and goal may join; our choice
+
+
+class FallbackConfig(Strict, frozen=True):
+    """Bounds of the search in the whole joint space, in a process of its own."""
+
+    iterations: Annotated[int, Meta(ge=1, le=10_000_000)] = 20_000  # samples; our choice
+
+
 class LearningConfig(Strict, frozen=True):
-    """What ``planner/learn`` may do to the running map."""
+    """What ``planner/learn``, repair and fallback may do to the running map."""
+
+    from_ways: bool = True  # what repair and fallback solved is learned too
 
     keep: bool = True  # in the cache, beside the map, so that the next start knows it
     max_added_neurons: Annotated[int, Meta(ge=0, le=200_000)] = 5_000  # in all, earlier starts too; our choice: half of the paper's map
@@ -82,9 +108,17 @@ class PlannerConfig(Strict, frozen=True):
     smoothing: SmoothingConfig = SmoothingConfig()
     speed: SpeedConfig = SpeedConfig()
     replan: ReplanConfig = ReplanConfig()
+    # Asked in this order; without one of the last two that one is left out. Taking paths of the map alone is the paper's way.
+    ways: tuple[Way, ...] = ("map", "repair", "fallback")
+    repair: RepairConfig = RepairConfig()
+    fallback: FallbackConfig = FallbackConfig()
     learning: LearningConfig = LearningConfig()
     taught: list[str] = []  # files of `tolman teach` that the map is trained on too; absolute, or as seen from where tolman is started
     model: Literal["gng", "som", "gamma_som"] = "gng"  # paper: gng has the shortest paths; parameters in map, som, gamma_som
     rules: Literal["checked", "paper"] = "checked"
     # The paper has Dijkstra and wavefront; A* finds ways of the same cost several times faster.
     search: Literal["dijkstra", "astar", "bidirectional", "wavefront"] = "astar"
+
+    def __post_init__(self) -> None:
+        if "map" not in self.ways:
+            raise ValueError(f"ways: {list(self.ways)} without map; the map is always asked first")

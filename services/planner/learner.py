@@ -27,6 +27,7 @@ from services.planner.core.growth import Addition, grown
 from services.planner.core.learning import LearningRules, check_path, learn, usual_spacing
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.reflex import Reflex
+from services.planner.core.ways import Sampler
 from services.planner.core.world import no_cells
 from services.planner.memory import Memory
 from services.planner.questions import QuestionDesk
@@ -80,9 +81,11 @@ class Student:
     Args:
         memory: the map to begin with and its journal.
         reflex: the live planner; of it only the live cells and its checker are taken, to prepare what is exchanged.
+        sampler: for the desk of questions; see there.
     """
 
-    def __init__(self, memory: Memory, reflex: Reflex) -> None:
+    def __init__(self, memory: Memory, reflex: Reflex, sampler: Sampler | None = None) -> None:
+        self._sampler = sampler
         self._parts, self._journal, self._complaint = memory.parts, memory.journal, memory.complaint
         self._reflex = reflex
         self._checker = memory.parts.checker()
@@ -103,7 +106,7 @@ class Student:
         began_ns = monotonic_ns()
         path = self._checked(lesson)
         roadmap = self._parts.roadmap
-        addition = learn(roadmap, path, self._rules(), lambda a, b: self._checker.segment(self._empty, a, b))
+        addition = learn(roadmap, path, self._rules(lesson), lambda a, b: self._checker.segment(self._empty, a, b))
         larger = grown(roadmap, addition, self._ground)
         if not rehearsal and not addition.is_empty:
             self._write_down(lesson, addition)
@@ -136,7 +139,7 @@ class Student:
         counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
         counts.set_cells(self._reflex.vision.counts.cells)
         finder = PathFinder(roadmap, self._reflex.checker)  # the loop's own checker: only the loop will use this finder
-        return Learned(lesson, reply, parts, QuestionDesk(parts, monotonic_ns), finder, counts)
+        return Learned(lesson, reply, parts, QuestionDesk(parts, monotonic_ns, self._sampler), finder, counts)
 
     def _checked(self, lesson: Lesson) -> F64:
         _refuse_lattice(self._parts.roadmap.model)
@@ -150,14 +153,19 @@ class Student:
             raise RequestError(f"nothing is learned while its journal cannot be used: {self._complaint}", code="bad_journal")
         return check_path(lesson.q_rad, self._parts.robot, self._checker, self._empty)
 
-    def _rules(self) -> LearningRules:
+    def _rules(self, lesson: Lesson) -> LearningRules:
         config = self._parts.config.learning
         room = config.max_added_neurons - (self._parts.roadmap.n_neurons - self._n_built)
         if room <= 0:
             what = f"[planner.learning] max_added_neurons = {config.max_added_neurons}"
             raise RequestError(f"the map has grown as far as it may ({what}); tolman map revert makes room", code="map_full")
         return LearningRules(
-            self._spacing_rad, config.reuse_share * self._spacing_rad, config.join_neighbours, config.join_max_rad, max_neurons=room
+            self._spacing_rad,
+            config.reuse_share * self._spacing_rad,
+            config.join_neighbours,
+            config.join_max_rad,
+            max_neurons=room,
+            exactly=lesson.source != "taught",
         )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +12,11 @@ from common.errors import RequestError
 from common.wire.messages import PlanReply, PlanRequest, SetGoal, Trajectory
 from services.planner.assemble import Parts
 from services.planner.core.find import SEARCHES
-from services.planner.core.found import NotFound
+from services.planner.core.found import NotFound, Way
 from services.planner.core.goals import GoalResolver
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, Stopwatch
+from services.planner.core.ways import Sampler, Thinking, ThinkingRules, think
 from services.planner.core.world import World
 
 __all__ = ["QuestionDesk", "branches_of"]
@@ -40,10 +42,19 @@ def branches_of(goal: SetGoal, resolver: GoalResolver) -> F64:
 
 
 class QuestionDesk:
-    """Answers one question after the other; equal questions on equal cells get equal answers."""
+    """Answers one question after the other; equal questions on equal cells get equal answers.
 
-    def __init__(self, parts: Parts, clock_ns: Callable[[], int]) -> None:
+    Args:
+        parts: map, robot, config.
+        clock_ns: for timings alone.
+        sampler: puts questions to the fallback; None: there is none.
+    """
+
+    def __init__(self, parts: Parts, clock_ns: Callable[[], int], sampler: Sampler | None = None) -> None:
         self._parts = parts
+        ways = [way for way in parts.config.ways if way != "fallback" or sampler is not None]
+        self._rules = replace(ThinkingRules.of(parts.config), ways=ways)
+        self._sampler = sampler
         self._clock_ns = clock_ns
         self._planner = parts.motion_planner()
         self._resolver = parts.goal_resolver()
@@ -76,16 +87,24 @@ class QuestionDesk:
         world = World.of(self._parts.grid, self._counts)
         watch.add("update", began)
         speed = request.goal.speed_scale or 1.0
-        first: NotFound | None = None
-        for q_goal in branches[np.argsort(np.linalg.norm(branches - q_start, axis=1), kind="stable")]:
-            answer = self._planner.answer(world, Ask(q_start, q_goal, None, rules, search, smooth, speed), watch)
-            if isinstance(answer, Motion):
-                watch.add("total", began)
-                return _reply(answer, smooth, watch.ms)
-            first = first or answer
+        ways = [way for way in self._rules.ways if request.ways is None or way in request.ways]
+        answer = self._answer(world, Ask(q_start, q_start, None, rules, search, smooth, speed), branches, ways, watch)
         watch.add("total", began)
-        assert first is not None
-        return _refusal(first, len(q_start), watch.ms)
+        return _reply(answer, smooth, watch.ms) if isinstance(answer, Motion) else _refusal(answer, len(q_start), watch.ms)
+
+    def _answer(self, world: World, ask: Ask, branches: F64, ways: list[Way], watch: Stopwatch) -> Motion | NotFound:
+        """By the map, nearest branch first; else, where a branch is free and the map has no way to it, by the other ways."""
+        refusals: list[NotFound] = []
+        for q_goal in branches[np.argsort(np.linalg.norm(branches - ask.q_start, axis=1), kind="stable")]:
+            answer = self._planner.answer(world, replace(ask, q_goal=q_goal), watch)
+            if isinstance(answer, Motion):
+                return answer
+            refusals.append(answer)
+        no_path = [refusal for refusal in refusals if refusal.outcome == "no_path"]
+        if ask.rules == "paper" or not no_path:
+            return refusals[0]
+        thinking = Thinking(self._planner, world, ask, branches, replace(self._rules, ways=ways), no_path[0].reason)
+        return think(thinking, world, watch, self._sampler)
 
     def _start(self, request: PlanRequest, q_now: F64 | None) -> F64:
         if request.q_start_rad is None:
@@ -116,7 +135,7 @@ def _reply(motion: Motion, smooth: bool, timing_ms: dict[str, float]) -> PlanRep
     curve = motion.curve
     return PlanReply(
         outcome="path",
-        way="map",
+        way=motion.path.way,
         neurons=motion.path.neurons,
         path_q_rad=motion.path.q_rad,
         smooth_q_rad=curve.q_rad if smooth else None,

@@ -15,16 +15,21 @@ from common.errors import TolmanError
 from common.geometry.transforms import quaternion_of
 from common.wire.messages import PlanRequest, Pose, SetGoal
 from services.planner.assemble import Parts
+from services.planner.core.found import NO_NEURON
 from services.planner.core.growth import Addition, grown
 from services.planner.core.lookup import BlockedCounts, LookupTable, cells_of_pose
 from services.planner.core.motion import Ask, Motion, Stopwatch
+from services.planner.core.repair import Repair, tightened
 from services.planner.core.timing import brake
+from services.planner.core.two_trees import Bounds, Joined, seed_of
 from services.planner.core.world import World, cells_of
 from services.planner.kernels.merging import append_owners, copy_rows
 from services.planner.learner import Lesson, Student
 from services.planner.questions import QuestionDesk
 
 __all__ = ["rehearse", "rehearse_learning"]
+
+REPAIR_SAMPLES = 60
 
 F64 = NDArray[np.float64]
 
@@ -43,6 +48,19 @@ def rehearse(parts: Parts, clock_ns: Callable[[], int]) -> None:
                 desk.answer(PlanRequest(q_start_rad=far, goal=goal, search=search), home, cells)
                 desk.answer(PlanRequest(q_start_rad=home, goal=SetGoal(q_rad=far), search=search), home, cells)
     _move(parts, clock_ns, home, far)
+    _repair(parts, clock_ns, home, far)
+
+
+def _repair(parts: Parts, clock_ns: Callable[[], int], home: F64, far: F64) -> None:
+    """On a map without free edges, so that there is something to search for, in a few samples; and cut corners."""
+    planner, vision = parts.motion_planner(), parts.reflex(clock_ns, "rehearsal").vision
+    vision.counts.edge[:] = 1
+    joint_range = (parts.robot.position_min_rad, parts.robot.position_max_rad)
+    few = Bounds(REPAIR_SAMPLES, slice_iterations=REPAIR_SAMPLES, connections=1)
+    repair = Repair(planner.finder, vision.world, home, far[None], joint_range, seed_of(home, far), few)
+    while repair.advance() is True:
+        pass
+    tightened(planner.checker, vision.world.cells, Joined(np.array([home, home + 0.01, home]), np.full(1, NO_NEURON, dtype=np.int32)))
 
 
 def _move(parts: Parts, clock_ns: Callable[[], int], home: F64, far: F64) -> None:

@@ -27,6 +27,7 @@ from common.wire.messages import (
     MapQuery,
     PlannerEvent,
     PlannerStatus,
+    PlanReply,
     PlanRequest,
     RobotState,
     SetGoal,
@@ -35,8 +36,11 @@ from common.wire.messages import (
 )
 from services.planner.assemble import assemble
 from services.planner.config import PlannerConfig
-from services.planner.core.reflex import Event, Goal, Reflex
+from services.planner.core.reflex import Reflex
+from services.planner.core.report import Event, Goal
 from services.planner.core.underway import ArmState, Sent
+from services.planner.fallback.courier import Courier
+from services.planner.fallback.process import FallbackProcess
 from services.planner.inspection import map_reply
 from services.planner.learner import Learner, Lesson, Student
 from services.planner.memory import recall
@@ -79,12 +83,15 @@ class Planner:
         self._parts = self._memory.parts
         self._resolver = self._parts.goal_resolver()
         self._reflex: Reflex = self._parts.reflex(monotonic_ns, f"{self._bus.epoch:x}")
+        self._fallback = FallbackProcess(self._cell, self._config.margins) if "fallback" in self._config.ways else None
+        sampler = self._fallback.send if self._fallback is not None else None
+        self._courier = Courier(self._fallback, self._bus.wake.set) if self._fallback is not None else None
         rehearse(self._parts, monotonic_ns)
-        student = Student(self._memory, self._reflex)
+        student = Student(self._memory, self._reflex, sampler)
         rehearse_learning(student, self._parts)
         sys.setswitchinterval(SWITCH_S)
-        self._questions = _Worker(QuestionDesk(self._parts, monotonic_ns), self._vitals)
         self._learner = Learner(student, self._config.learning.max_waiting, self._bus.wake.set)
+        self._questions = _Worker(QuestionDesk(self._parts, monotonic_ns, sampler), self._vitals, self._learn_way)
         self._open_inboxes()
 
     def _open_inboxes(self) -> None:
@@ -105,14 +112,16 @@ class Planner:
         return self._parts.fingerprints
 
     def close(self) -> None:
-        """End the threads of questions and lessons."""
-        for name in ("_questions", "_learner"):
-            if hasattr(self, name):
+        """End the fallback's process and the threads of questions and lessons."""
+        for name in ("_fallback", "_questions", "_learner"):  # a question may wait for the fallback: that ends first
+            if getattr(self, name, None) is not None:
                 getattr(self, name).close()
 
     def step(self, now_ns: int) -> int | None:
         """Listen, let the reflex act, send, answer."""
         self._listen(now_ns)
+        if self._courier is not None:
+            self._courier.bring(self._reflex.thinker)
         if now_ns >= self._next_status_ns:  # before the work: a long answer must not make the arm believe that we are gone
             self._publish_status(now_ns)
         sent, events = self._reflex.step(now_ns / NS)
@@ -120,11 +129,13 @@ class Planner:
             self._send(trajectory, now_ns)
         for event in events:
             self._publish_event(event)
+        if self._courier is not None:
+            self._courier.fetch(self._reflex.thinker)
         self._answer()
         self._adopt_learned()
         if self._reflex.report.state != self._last_state or sent:
             self._publish_status(monotonic_ns())
-        return now_ns + STEP_NS
+        return now_ns if self._reflex.thinker.wants_steps else now_ns + STEP_NS
 
     # --- in ---
 
@@ -186,6 +197,14 @@ class Planner:
             )
         )
         self._vitals.meter("trajectories").tick(now_ns, self._reflex.report.timing_ms.get("total"))
+        if sent.motion is not None:
+            self._learn_way(sent.motion.path.way, sent.motion.path.q_rad, sent.goal_id)
+
+    def _learn_way(self, way: str | None, q_rad: NDArray[np.float64], label: str) -> None:
+        """What the map did not know joins it, if there is room; who asks for it again may offer it again."""
+        if way in ("repair", "fallback") and self._config.learning.from_ways:
+            self._vitals.count(f"solved_by_{way}")
+            self._learner.offer(Lesson(q_rad, label=label, source=way))
 
     def _publish_event(self, event: Event) -> None:
         self._n_events += 1
@@ -199,13 +218,15 @@ class Planner:
         complaints = ["perception uses another grid" if self._wrong_grid else "", self._memory.complaint]
         self._vitals.reasons = [complaint for complaint in complaints if complaint]
         self._vitals.counters["smoothing_fallbacks"] = report.smoothing_fallbacks
+        if self._fallback is not None:
+            self._vitals.counters["fallback_restarts"] = self._fallback.restarts
         self._statuses.publish(
             PlannerStatus(
                 state=report.state,  # type: ignore[arg-type]
                 goal_id=reflex.goal.id if reflex.goal else None,
                 reason=report.reason,
                 rule=report.rule,  # type: ignore[arg-type]
-                way="map" if report.path_length_rad is not None else None,
+                way=report.way,
                 rules=self._config.rules,
                 model=self._parts.roadmap.model,
                 n_neurons=self._parts.roadmap.n_neurons,
@@ -291,8 +312,9 @@ def _log_progress() -> Callable[[str, float], None]:
 class _Worker:
     """A thread that answers questions one by one from a bounded queue."""
 
-    def __init__(self, desk: QuestionDesk, vitals: Vitals) -> None:
+    def __init__(self, desk: QuestionDesk, vitals: Vitals, learn: Callable[[str | None, NDArray[np.float64], str], None]) -> None:
         self.desk = desk  # may be exchanged at any time: the next question goes to the new one
+        self._learn = learn
         self._vitals = vitals
         self._waiting: queue.Queue[tuple[Command[PlanRequest], Any, Any] | None] = queue.Queue(QUESTIONS_WAITING)
         self._thread = threading.Thread(target=self._run, name="questions", daemon=True)
@@ -316,9 +338,14 @@ class _Worker:
             command, q_now, cells = item
             began_ns = monotonic_ns()
             try:
-                _reply(command, partial(self.desk.answer, q_now=q_now, live_cells=cells))
+                _reply(command, partial(self._replied, q_now=q_now, live_cells=cells))
             except Exception:  # a question may never end the desk
                 log.exception("a question failed")
                 command.fail(RequestError("the planner could not answer this; see its log", code="internal"))
             now_ns = monotonic_ns()
             self._vitals.meter("questions").tick(now_ns, (now_ns - began_ns) / 1e6)
+
+    def _replied(self, request: PlanRequest, q_now: Any, live_cells: Any) -> PlanReply:
+        reply = self.desk.answer(request, q_now, live_cells)
+        self._learn(reply.way, reply.path_q_rad, "a question")
+        return reply

@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from services.planner.core.world import Leaving
 
-__all__ = ["NO_NEURON", "FoundPath", "NotFound", "path_length"]
+__all__ = ["NO_NEURON", "FoundPath", "NotFound", "Way", "path_length"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
+Way = Literal["map", "repair", "fallback"]
 NO_NEURON = -1  # stands in a path's neurons for a point that is none
 
 
@@ -26,12 +27,14 @@ class FoundPath:
         q_rad: (N + 2, J) true start, the points of ``neurons``, true goal.
         length_rad: Euclidean joint length of ``q_rad``.
         leaving: the cells among which the arm stands at the start and which it must move away from; None = it stands free.
+        way: what found it.
     """
 
     neurons: I32
     q_rad: F64
     length_rad: float
     leaving: Leaving | None = None
+    way: Way = "map"
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,8 @@ class LearningRules:
         join_neighbours: nearest neurons that a new one is joined with.
         join_max_rad: longest edge.
         max_neurons: how many may be added.
+        exactly: the path itself, corner by corner, no neuron nearby standing for a point of it: for a path among cells, through
+            which there may be no other.
     """
 
     spacing_rad: float
@@ -51,6 +53,7 @@ class LearningRules:
     join_neighbours: int
     join_max_rad: float
     max_neurons: int
+    exactly: bool = False
 
 
 def usual_spacing(learned: CognitiveMap) -> float:
@@ -101,7 +104,7 @@ def learn(roadmap: Roadmap, path_rad: F64, rules: LearningRules, motion_is_free:
     """
     way = _Way.of(path_rad)
     growing = _Growing(roadmap, rules, motion_is_free)
-    marks = np.linspace(0.0, way.length_rad, max(2, int(np.ceil(way.length_rad / rules.spacing_rad)) + 1))
+    marks = way.marks_at_corners(rules.spacing_rad) if rules.exactly else way.marks(rules.spacing_rad)
     chain: list[int] = []
     for k, mark in enumerate(marks):
         ahead = way.at(marks[k + 1]) if k + 1 < len(marks) else None
@@ -133,6 +136,17 @@ class _Way:
     def length_rad(self) -> float:
         return float(self.along_rad[-1])
 
+    def marks(self, spacing_rad: float) -> F64:
+        """Equal steps of at most ``spacing_rad`` along all of it."""
+        return np.linspace(0.0, self.length_rad, max(2, int(np.ceil(self.length_rad / spacing_rad)) + 1))
+
+    def marks_at_corners(self, spacing_rad: float) -> F64:
+        """Equal steps of at most ``spacing_rad`` along each of its pieces."""
+        marks = [np.zeros(1)]
+        for a, b in pairwise(self.along_rad):
+            marks.append(np.linspace(a, b, max(1, int(np.ceil((b - a) / spacing_rad))) + 1)[1:])
+        return np.concatenate(marks)
+
     def at(self, mark_rad: float) -> F64:
         return np.array([np.interp(mark_rad, self.along_rad, self.q_rad[:, j]) for j in range(self.q_rad.shape[1])])
 
@@ -162,7 +176,7 @@ class _Growing:
         """The nearest neuron if it may stand for the point ``q`` of the path; joined with the one before."""
         near = int(np.argmin(np.linalg.norm(self._q[: self._n] - q, axis=1)))
         at = self._q[near]
-        if np.linalg.norm(at - q) > self._rules.reuse_rad or not self._is_free(at, q):
+        if np.linalg.norm(at - q) > (SAME_PLACE_RAD if self._rules.exactly else self._rules.reuse_rad) or not self._is_free(at, q):
             return None
         if ahead is not None and not self._is_free(at, ahead):
             return None

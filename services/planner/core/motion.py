@@ -101,7 +101,7 @@ class MotionPlanner:
 
     def __init__(self, finder: PathFinder, limits: Limits, hand: HandReach, joint_range: tuple[F64, F64], *, shortcut_checks: int) -> None:
         self.finder = finder
-        self._joint_range = joint_range
+        self.joint_range = joint_range
         self.checker = finder.checker
         self._limits = limits
         self.hand = hand
@@ -122,6 +122,11 @@ class MotionPlanner:
             if isinstance(outcome, Motion) and not outcome.fell_back:
                 return outcome
         return outcome
+
+    def along(self, world: World, ask: Ask, found: FoundPath, watch: Stopwatch) -> Motion | None:
+        """A motion from rest along a path that was found elsewhere; None: no curve along it is free in ``world``."""
+        outcome = self._drive(world, ask, found, None, self._limits.scaled(ask.speed_scale, 1.0), watch)
+        return outcome if isinstance(outcome, Motion) else None
 
     def _lead_in(self, velocity: F64, factor: float) -> F64:
         """The way (J,) along ``velocity`` in which the arm could just stop, times ``factor``.
@@ -145,7 +150,7 @@ class MotionPlanner:
             watch.add("search", began)
             return found if isinstance(found, NotFound) else self._settled(self._drive(world, ask, found, velocity, limits, watch))
         began = watch.clock_ns()
-        route = route_of(self.finder, world, q_from, ask.q_goal, ask.search, self._joint_range)
+        route = route_of(self.finder, world, q_from, ask.q_goal, ask.search, self.joint_range)
         watch.add("search", began)
         outcome: Motion | NotFound | _Blocked = route if isinstance(route, NotFound) else _Blocked(0)
         for _ in range(ask.routes):

@@ -6,7 +6,7 @@ instants gets the same bytes out.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -17,55 +17,24 @@ from services.planner.config import PlannerConfig
 from services.planner.core.asking import Asker
 from services.planner.core.check import HandReach
 from services.planner.core.found import NotFound
-from services.planner.core.motion import Motion, MotionPlanner
+from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.replan import Action, ReplanRules, ShorterWay, View
+from services.planner.core.report import Event, Goal, Report
 from services.planner.core.seeing_lag import SeeingLag
+from services.planner.core.thinker import Thinker
 from services.planner.core.timing import Limits, brake
 from services.planner.core.underway import ArmState, Sent, Underway
 from services.planner.core.vision import Vision
 from services.planner.core.watching import Watch
+from services.planner.core.ways import ThinkingRules
 
-__all__ = ["Event", "Goal", "Reflex", "Report"]
+__all__ = ["Reflex"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 AT_GOAL_RAD = 2e-3  # the reference ends on the goal to rounding; this is a tenth of the tracking error allowed
 LEAD_S = 0.02  # the robot is told so much before a takeover: transport and two control cycles
 BRANCHES_A_STEP = 2  # inverse-kinematics branches tried at a time, so that no step takes long; the next attempt goes on with others
-
-
-@dataclass(frozen=True, eq=False)
-class Goal:
-    """Where to go: any of ``branches_rad`` (B, J), the joint vectors that reach the same pose, is as good."""
-
-    id: str
-    branches_rad: F64
-    speed_scale: float
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something worth telling."""
-
-    kind: str
-    goal_id: str | None = None
-    facts: dict[str, Any] = field(default_factory=dict)
-
-
-@dataclass
-class Report:
-    """What the planner says of itself."""
-
-    state: str = "idle"
-    reason: str = ""
-    rule: str | None = None
-    timing_ms: dict[str, float] = field(default_factory=dict)
-    path_length_rad: float | None = None
-    path_neurons: int | None = None
-    reaction_ms: float | None = None
-    replans: int = 0
-    accepted: int = 0
-    smoothing_fallbacks: int = 0
 
 
 class Reflex:
@@ -104,6 +73,7 @@ class Reflex:
         self._watch = Watch(self.checker, config.rules)
         self._n_sent = 0
         self._asker = Asker(planner, config, clock_ns)
+        self.thinker = Thinker(planner, ThinkingRules.of(config), vision.grid)
         self._lag = SeeingLag()
         self._step_began_ns = 0
         self._events: list[Event] = []
@@ -114,6 +84,7 @@ class Reflex:
     def set_goal(self, goal: Goal) -> None:
         """A new goal replaces the old one, also in motion."""
         self.goal = goal
+        self.thinker.drop()
         self._asker.begin()
         self._shorter.forget()
         self._rules.now_or_never()
@@ -125,6 +96,7 @@ class Reflex:
         if self.goal is not None:
             self._events.append(Event("goal_cancelled", self.goal.id))
         self.goal = None
+        self.thinker.drop()
         self.report.state, self.report.reason = "idle", ""
 
     def hear(self, arm: ArmState, now_s: float) -> None:
@@ -180,6 +152,8 @@ class Reflex:
             self._compare(now_s, arm)
         elif action is Action.ARRIVED:
             self._arrive()
+        elif action is Action.NOTHING and self.thinker.wants_steps and view.may_plan_from_rest:
+            self._think(now_s, arm)
         if action is Action.STOP:
             self._stop(now_s, arm, view.protective)
         self._tell_state(view)
@@ -221,10 +195,36 @@ class Reflex:
     def _plan_from_rest(self, now_s: float, arm: ArmState) -> None:
         answer, q_goal = self._ask(now_s, arm.q_reference_rad, None, BRANCHES_A_STEP)
         if isinstance(answer, NotFound):
-            self._no_way(answer)
+            self._consider(now_s, arm, answer)
             return
-        start_s = now_s + self._asker.budget_s
-        self._send_motion(answer, q_goal, now_s, start_s, "none", None)
+        self._send_motion(answer, q_goal, now_s, now_s + self._asker.budget_s, "none", None)
+
+    def _consider(self, now_s: float, arm: ArmState, why: NotFound) -> None:
+        """The map has no way from where the arm stands: are there others?"""
+        goal, config = self.goal, self._config
+        assert goal is not None
+        if why.outcome == "no_path" and config.rules == "checked":
+            hand = self._hand(now_s + self._asker.budget_s)
+            q = arm.q_reference_rad
+            ask = Ask(q, q, None, config.rules, config.search, config.smoothing.smooth, goal.speed_scale, hand=hand)
+            why = self.thinker.consider(goal.id, goal.branches_rad, ask, self.vision.world, why)
+        if self.thinker.is_thinking:
+            self.report.reason = f"{why.reason}; {self.thinker.word}"
+        else:
+            self._no_way(why)
+
+    def _think(self, now_s: float, arm: ArmState) -> None:
+        """One slice of a search that the map's answer was not enough for."""
+        if self.goal is None or not self.thinker.is_about(self.goal.id, arm.q_reference_rad):
+            self.thinker.drop()
+            return
+        outcome = self.thinker.advance(self.vision.world, Stopwatch(self._clock_ns, self.thinker.ms))
+        self.report.timing_ms.update(self.thinker.ms)
+        if isinstance(outcome, NotFound):
+            self._no_way(outcome)
+        elif outcome is not None:
+            start_s = now_s + self._spent_s + self._asker.budget_s
+            self._send_motion(outcome, outcome.path.q_rad[-1], now_s, start_s, "none", None)
 
     def _splice(self, now_s: float, arm: ArmState, rule: str) -> bool:
         """Leave the motion under way for a new one, a budget from now; False if there is no such way."""
@@ -283,11 +283,12 @@ class Reflex:
 
     def _send_motion(self, motion: Motion, q_goal: F64, now_s: float, start_s: float, rule: str, splice_s: float | None) -> None:
         assert self.goal is not None
+        self.thinker.drop()
         before = self.underway.sent
         splice = (before.id, splice_s) if before is not None and splice_s is not None else None
         cause = self._frame_utc_ns if self._cells_changed else 0
         self._send(Sent(self._next_id(), "motion", self.goal.id, motion.curve, start_s, now_s, motion, q_goal, rule, cause, splice))
-        self.report.rule = rule
+        self.report.rule, self.report.way = rule, motion.path.way
         self.report.path_length_rad = motion.length_rad
         self.report.path_neurons = len(motion.path.neurons)
         self.report.smoothing_fallbacks += motion.fell_back
@@ -345,6 +346,7 @@ class Reflex:
                 "reaction_ms": report.reaction_ms if sent.rule == "blocked" else None,
                 "timing_ms": dict(report.timing_ms),
                 "smoothing": sent.motion.smoothing,
+                "way": sent.motion.path.way,
                 "length_rad": sent.motion.length_rad,
             }
             self._events.append(Event("replanned", sent.goal_id, facts))
@@ -364,6 +366,8 @@ class Reflex:
             report.state = "executing"
         elif self.underway.refused_reason:
             report.state, report.reason = "blocked", f"robot: {self.underway.refused_reason}"
+        elif self.thinker.is_thinking:
+            report.state = "planning"
         elif report.reason:
             report.state = "blocked"
         else:

@@ -60,6 +60,11 @@ class View:
     protective: str
     faulted: bool = False
 
+    @property
+    def may_plan_from_rest(self) -> bool:
+        """Whether a motion may be sent to an arm that stands."""
+        return self.has_goal and self.seeing and not (self.moving or self.at_goal or self.protective or self.faulted)
+
 
 class ReplanRules:
     """Decides. State: when the last attempt was, so that attempts come at each tick and at each change of cells, not in every step."""

@@ -50,6 +50,10 @@ class World:
         """The world that ``counts`` were last set to; ``recent`` (n,) flat cells that just appeared."""
         return World(grid, counts, cells_of(grid, counts.cells), cells_of(grid, np.empty(0, dtype=np.int32) if recent is None else recent))
 
+    def frozen(self) -> World:
+        """A copy that does not change with the live counts."""
+        return World(self.grid, self.counts.without(np.empty(0, dtype=np.int32)), self.cells, self.recent)
+
     def leaving(self, checker: Checker, q_start: F64) -> Leaving | None:
         """How an arm that stands within the safety distance of some cells may get out; None if it may not.
 

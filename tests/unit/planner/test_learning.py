@@ -174,3 +174,17 @@ def test_a_jump_is_judged_by_the_straight_way(bench):
 def test_rests_are_left_out(bench):
     q = np.repeat(np.linspace(HOME, HOME + 0.1, 4), 3, axis=0)
     assert len(check_path(q, bench.robot, bench.checker, no_cells(bench.grid))) == 4
+
+
+def test_a_path_that_is_taken_exactly_keeps_its_corners_and_uses_no_neuron_nearby():
+    rules = LearningRules(spacing_rad=0.4, reuse_rad=0.2, join_neighbours=2, join_max_rad=1.0, max_neurons=100, exactly=True)
+    path = np.array([[0.0, 0.0], [0.3, 0.04], [0.35, 0.5], [1.0, 0.04], [1.0, 0.0]])
+    addition = learn(LINE, path, rules, everything)
+    known = np.vstack([LINE.neurons_rad, addition.neurons_rad])
+    at = [int(np.flatnonzero((known == q).all(axis=1))[0]) for q in path]
+    assert (at[0], at[-1]) == (0, 10), "the points that are neurons already"
+    assert min(at[1:-1]) >= LINE.n_neurons
+    joined = {tuple(sorted(edge)) for edge in addition.edges.tolist()}
+    steps = np.linalg.norm(known[addition.edges[:, 0]] - known[addition.edges[:, 1]], axis=1)
+    assert {(0, at[1]), (10, at[3])} <= joined and steps.min() <= rules.spacing_rad
+    assert len(addition.neurons_rad) == 1 + 2 + 2, "0.46 and 0.80 rad in steps of 0.4 rad at most"

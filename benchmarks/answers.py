@@ -1,0 +1,92 @@
+"""Answers to the questions of a set, by the map alone or by all ways, as a live planner gives them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks.questions import Question
+from common.errors import TolmanError
+from services.planner.assemble import Parts
+from services.planner.core.found import NotFound, Way
+from services.planner.core.lookup import BlockedCounts
+from services.planner.core.motion import Ask, Motion, Stopwatch
+from services.planner.core.ways import Sampler, Thinking, ThinkingRules, think
+from services.planner.core.world import World
+from services.planner.fallback.process import FallbackProcess
+
+__all__ = ["Answer", "Answerer", "fallback_of"]
+
+F64 = NDArray[np.float64]
+READY_WITHIN_S = 300.0  # the first start on a machine compiles
+
+
+@dataclass(frozen=True, eq=False)
+class Answer:
+    """A motion or why there is none, milliseconds by stage, and which way it was; the map's own search has no stage ``repair``."""
+
+    motion: Motion | NotFound
+    ms: dict[str, float]
+
+    @property
+    def way(self) -> str | None:
+        """None: it was not solved."""
+        return self.motion.path.way if isinstance(self.motion, Motion) else None
+
+
+class Answerer:
+    """Answers on one map; each question starts from an empty world.
+
+    Args:
+        parts: map, robot, config.
+        sampler: puts questions to the fallback; None: there is none.
+        ways: which are asked; None: as configured.
+    """
+
+    def __init__(self, parts: Parts, sampler: Sampler | None, ways: Sequence[Way] | None = None) -> None:
+        self._parts, self._sampler = parts, sampler
+        self._planner = parts.motion_planner()
+        ways = [way for way in ways or parts.config.ways if way != "fallback" or sampler is not None]
+        self._rules = replace(ThinkingRules.of(parts.config), ways=ways)
+
+    def answer(self, question: Question) -> Answer:
+        """The answer to a question."""
+        config, roadmap = self._parts.config, self._parts.roadmap
+        counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
+        watch = Stopwatch(time.perf_counter_ns)
+        began = watch.clock_ns()
+        counts.set_cells(question.cells)
+        world = World.of(self._parts.grid, counts)
+        watch.add("update", began)
+        ask = Ask(question.q_start, question.q_goal, None, config.rules, config.search, config.smoothing.smooth)
+        motion = self._planner.answer(world, ask, watch)
+        if isinstance(motion, NotFound) and motion.outcome == "no_path" and config.rules == "checked":
+            thinking = Thinking(self._planner, world, ask, question.q_goal[None], self._rules, motion.reason)
+            motion = think(thinking, world, watch, self._sampler)
+        watch.add("answer", began)
+        watch.ms["connect_search"] = watch.ms["update"] + watch.ms["search"] + watch.ms.get("repair", 0.0)
+        return Answer(motion, watch.ms)
+
+
+@contextmanager
+def fallback_of(parts: Parts) -> Iterator[Sampler | None]:
+    """The fallback's process, ready, if the config has that way; ended on leaving.
+
+    Raises:
+        TolmanError: it does not start.
+    """
+    if "fallback" not in parts.config.ways:
+        yield None
+        return
+    process = FallbackProcess(parts.cell, parts.config.margins)
+    try:
+        if not process.wait_ready(READY_WITHIN_S):
+            raise TolmanError(f"the fallback process was not ready within {READY_WITHIN_S:g} s", code="no_fallback")
+        yield process.send
+    finally:
+        process.close()

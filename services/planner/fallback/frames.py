@@ -1,0 +1,79 @@
+"""What the planner and its fallback process say to one another: frames of MessagePack over a pipe, each after its length."""
+
+from __future__ import annotations
+
+import struct
+from typing import IO, Any
+
+import msgspec
+
+from common.cell import CellConfig
+from services.planner.config import MarginsConfig
+
+__all__ = ["Answer", "Asked", "Ready", "Setting", "Withdrawn", "read_frame", "write_frame"]
+
+LENGTH = struct.Struct("<I")
+
+
+class _Frame(msgspec.Struct, frozen=True, tag=True):
+    """One frame; the kind travels with it."""
+
+
+class Setting(_Frame, frozen=True, tag=True):
+    """First of all: the cell and the margins that hold from now on."""
+
+    cell: CellConfig
+    margins: MarginsConfig
+
+
+class Ready(_Frame, frozen=True, tag=True):
+    """The process has compiled everything and answers."""
+
+
+class Asked(_Frame, frozen=True, tag=True):
+    """A question: start (J,) and goals (G, J) in rad, occupied cells as little-endian int32, state of the generator, samples at most."""
+
+    id: int
+    q_start_rad: list[float]
+    q_goals_rad: list[list[float]]
+    cells: bytes
+    seed: list[int]
+    max_iterations: int
+
+
+class Withdrawn(_Frame, frozen=True, tag=True):
+    """The answer to that question is not wanted any more."""
+
+    id: int
+
+
+class Answer(_Frame, frozen=True, tag=True):
+    """The way (P, J) in rad, None if there is none within the bound; how many samples and milliseconds of work it took."""
+
+    id: int
+    q_rad: list[list[float]] | None
+    iterations: int
+    ms: float
+
+
+_decoder = msgspec.msgpack.Decoder(Setting | Ready | Asked | Withdrawn | Answer)
+
+
+def write_frame(pipe: IO[bytes], frame: _Frame) -> None:
+    """Send one frame; OSError if the other side is gone."""
+    payload = msgspec.msgpack.encode(frame)
+    pipe.write(LENGTH.pack(len(payload)) + payload)
+    pipe.flush()
+
+
+def read_frame(pipe: IO[bytes]) -> Any:
+    """The next frame; None at the end of the pipe (the other side is gone, perhaps in the middle of a frame) or where it makes no sense."""
+    head = pipe.read(LENGTH.size)
+    if len(head) < LENGTH.size:
+        return None
+    (length,) = LENGTH.unpack(head)
+    payload = pipe.read(length)
+    try:
+        return _decoder.decode(payload) if len(payload) == length else None
+    except msgspec.DecodeError:
+        return None

@@ -1,0 +1,115 @@
+"""The fallback's own process (``python -m services.planner.fallback.worker``): RRTConnect in the whole joint space, question by question.
+
+It lives as long as the pipe from the planner: when that closes, however the planner ended, it is gone at once. Questions take turns,
+slice by slice, so that a long one holds up nobody.
+"""
+
+from __future__ import annotations
+
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from typing import IO, Any
+
+import numpy as np
+
+from services.planner.core.repair import tightened
+from services.planner.core.two_trees import Bounds, Joined, TwoTrees, no_map
+from services.planner.core.world import cells_of, no_cells
+from services.planner.fallback.frames import Answer, Asked, Ready, Setting, Withdrawn, read_frame, write_frame
+from services.planner.kernels.cells import Cells
+from services.planner.offline.scene import Scene
+
+__all__ = ["Turns", "main"]
+
+REHEARSAL_ITERATIONS = 60
+
+
+class Turns:
+    """The questions under way; each turn gives the oldest one slice and puts it behind the others."""
+
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene
+        self._checker = scene.checker()
+        self._searches: dict[int, tuple[TwoTrees, Cells, float]] = {}
+
+    def __len__(self) -> int:
+        return len(self._searches)
+
+    def take(self, frame: Asked | Withdrawn) -> None:
+        """A new question, or one that is not asked any more."""
+        if isinstance(frame, Withdrawn):
+            self._searches.pop(frame.id, None)
+            return
+        robot = self._scene.robot
+        cells = cells_of(self._scene.grid, np.frombuffer(frame.cells, dtype="<i4").astype(np.int32))
+        search = TwoTrees(
+            self._checker,
+            cells,
+            no_map(robot.n_joints),
+            np.array(frame.q_start_rad),
+            np.array(frame.q_goals_rad),
+            (robot.position_min_rad, robot.position_max_rad),
+            np.array(frame.seed, dtype=np.uint64),
+            Bounds(frame.max_iterations),
+        )
+        self._searches[frame.id] = (search, cells, 0.0)
+
+    def turn(self) -> Answer | None:
+        """One slice; the answer if that was the last one."""
+        number = next(iter(self._searches))
+        search, cells, spent_ms = self._searches.pop(number)
+        began = time.perf_counter()
+        over = search.advance()
+        found = search.found() if over else None
+        if found is not None:
+            found = tightened(self._checker, cells, found)
+        spent_ms += (time.perf_counter() - began) * 1e3
+        if not over:
+            self._searches[number] = (search, cells, spent_ms)
+            return None
+        return Answer(number, None if found is None else found.q_rad.tolist(), search.iterations, spent_ms)
+
+    def rehearse(self) -> None:
+        """Compile every kernel: a search from home that finds nothing in a few samples."""
+        robot = self._scene.robot
+        ends = (robot.home_rad, robot.home_rad[None] + 0.01)
+        joint_range = (robot.position_min_rad, robot.position_max_rad)
+        empty, nothing = no_cells(self._scene.grid), no_map(robot.n_joints)
+        search = TwoTrees(self._checker, empty, nothing, *ends, joint_range, np.arange(1, 5, dtype=np.uint64), Bounds(REHEARSAL_ITERATIONS))
+        while not search.advance():
+            pass
+        tightened(self._checker, empty, Joined(np.array([ends[0], ends[0] + 0.01, ends[0]]), np.full(1, -1, dtype=np.int32)))
+
+
+def _listen(pipe: IO[bytes], inbox: queue.SimpleQueue[Any]) -> None:
+    while (frame := read_frame(pipe)) is not None:
+        inbox.put(frame)
+    os._exit(0)  # the planner is gone: whatever is being searched for is for nobody
+
+
+def main() -> None:
+    """Answer until the pipe closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole process group; the planner ends us
+    answers = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())  # nothing that prints may get among the frames
+    inbox: queue.SimpleQueue[Any] = queue.SimpleQueue()
+    threading.Thread(target=_listen, args=(sys.stdin.buffer, inbox), name="listen", daemon=True).start()
+    setting = inbox.get()
+    assert isinstance(setting, Setting)
+    turns = Turns(Scene.of(setting.cell, setting.margins))
+    turns.rehearse()
+    write_frame(answers, Ready())
+    while True:
+        while len(turns) == 0 or not inbox.empty():
+            turns.take(inbox.get())
+        answer = turns.turn()
+        if answer is not None:
+            write_frame(answers, answer)
+
+
+if __name__ == "__main__":
+    main()

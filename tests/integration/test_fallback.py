@@ -1,0 +1,113 @@
+"""The fallback's process: it answers, it dies, it hangs, and nobody waits for it or is left with it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from services.planner.config import MarginsConfig
+from services.planner.core.ways import SamplingAnswer, SamplingQuestion
+from services.planner.fallback import process as module
+from services.planner.fallback.process import FallbackProcess
+from tests.support.cell import ur3_cell
+from tests.support.eventually import eventually
+from tests.support.repository import ROOT
+
+pytestmark = pytest.mark.integration
+READY_S, ANSWER_S = 240.0, 60.0
+HERE, THERE = np.array([-0.9, -1.2, 1.3, -1.6, -1.57, 0.0]), np.array([0.9, -1.2, 1.3, -1.6, -1.57, 0.0])
+NOWHERE = np.array([0.0, -1.2, 1.3, -1.6, -1.57, 0.0])
+SEED = np.arange(1, 5, dtype=np.uint64)
+NONE = np.empty(0, dtype=np.int32)
+EASY = SamplingQuestion(HERE, THERE[None], NONE, SEED, 2_000)
+# From a pose that the check does not allow nothing grows: all samples are used up.
+ENDLESS = SamplingQuestion(HERE, np.array([[0.0, 0.6, 0.3, 0.0, 0.0, 0.0]]), NONE, SEED, 10_000_000)
+
+
+def _process() -> FallbackProcess:
+    one = FallbackProcess(ur3_cell(), MarginsConfig())
+    assert one.wait_ready(READY_S)
+    return one
+
+
+def _is_there(pid: int) -> bool:
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+def test_equal_questions_equal_answers_also_over_a_death_in_mid_question() -> None:
+    one = _process()
+    first = one.pid
+    assert first is not None
+    answers = [one.send(EASY).wait()]
+    heard: list[SamplingAnswer] = []
+    got = threading.Event()
+    number = one.ask(ENDLESS, heard.append)
+    one.ask(EASY, lambda answer: (heard.append(answer), got.set()))  # takes turns with the long one
+    os.kill(first, signal.SIGKILL)
+    began = time.monotonic()
+    assert got.wait(READY_S), "the question was put again"
+    assert one.pid != first and one.restarts == 1 and time.monotonic() - began < READY_S
+    one.withdraw(number)
+    answers += [heard[-1], one.send(EASY).wait()]
+    assert all(answer.q_rad is not None for answer in answers)
+    assert len({answer.q_rad.tobytes() for answer in answers}) == 1
+    last = one.pid
+    one.close()
+    assert last is not None and not _is_there(last)
+
+
+def test_a_process_that_hangs_is_ended_and_the_question_answered(monkeypatch: pytest.MonkeyPatch) -> None:
+    one = _process()
+    monkeypatch.setattr(module, "ANSWER_WITHIN_S", 1.0)
+    assert one.pid is not None
+    os.kill(one.pid, signal.SIGSTOP)
+    began = time.monotonic()
+    one.ask(EASY, lambda _answer: None)
+    assert time.monotonic() - began < 0.1, "asking does not wait"
+    answer = one.send(EASY).wait()  # in vain or from the next process: but it comes
+    assert answer.q_rad is not None or answer.why
+    assert one.restarts >= 1
+    last = one.pid
+    one.close()
+    assert last is not None and eventually(lambda: not _is_there(last), 5.0)
+
+
+def test_closing_answers_what_is_pending() -> None:
+    one = _process()
+    heard: list[SamplingAnswer] = []
+    one.ask(ENDLESS, heard.append)
+    pid = one.pid
+    one.close()
+    assert [answer.q_rad for answer in heard] == [None]
+    assert pid is not None and not _is_there(pid)
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGINT])
+def test_it_is_gone_when_the_planner_is_however_that_ended(end: signal.Signals) -> None:
+    """Also in the middle of a question."""
+    script = (
+        "import sys\n"
+        "from tests.integration.test_fallback import ENDLESS, _process\n"
+        "one = _process()\n"
+        "one.ask(ENDLESS, print)\n"
+        "print(one.pid, flush=True)\n"
+        "sys.stdin.read()\n"
+    )
+    with subprocess.Popen([sys.executable, "-c", script], cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as planner:
+        assert planner.stdout is not None
+        pid = int(planner.stdout.readline())
+        assert _is_there(pid)
+        planner.send_signal(end)
+        planner.wait(10.0)
+    assert eventually(lambda: not _is_there(pid), 5.0), "an orphan"
