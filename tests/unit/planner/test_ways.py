@@ -95,6 +95,12 @@ def _ask(q=HERE) -> Ask:
     return Ask(q, q)
 
 
+def _keeps_half_the_distance(scene: Scene, world: World, motion: Motion) -> bool:
+    """What was looked at keeps the whole safety distance; between two looks half of it is left."""
+    checker = scene.bench.checker
+    return checker.curve_meets(world.cells, motion.curve, safety_m=checker.safety_m / 2.0) is None
+
+
 def test_the_map_alone_has_no_way_and_repair_has(scene):
     world = scene.world(scene.wall)
     assert isinstance(scene.planner.answer(world, Ask(HERE, THERE), _watch()), NotFound)
@@ -102,7 +108,7 @@ def test_the_map_alone_has_no_way_and_repair_has(scene):
     assert isinstance(motion, Motion)
     assert motion.path.way == "repair"
     np.testing.assert_allclose(motion.curve.q_rad[[0, -1]], [HERE, THERE], rtol=0.0, atol=1e-12)
-    assert scene.bench.checker.curve(world.cells, motion.curve)[0] == 0
+    assert _keeps_half_the_distance(scene, world, motion)
 
 
 def test_the_fallback_answers_where_repair_is_not_wanted(scene):
@@ -118,7 +124,7 @@ def test_the_fallback_answers_where_repair_is_not_wanted(scene):
     thinking.hear(scene.sample(thinking.wanted))
     motion = thinking.advance(world, watch)
     assert isinstance(motion, Motion) and motion.path.way == "fallback"
-    assert scene.bench.checker.curve(world.cells, motion.curve)[0] == 0
+    assert _keeps_half_the_distance(scene, world, motion)
 
 
 @pytest.mark.parametrize("rules", [ALL, NOT_IN_REPAIR])
@@ -222,7 +228,7 @@ def test_a_way_that_came_to_be_blocked_while_it_was_sought_is_not_taken(scene):
     other = scene.world(scene.wall, in_the_way)
     later = _think_on(thinker, other)
     if isinstance(later, Motion):
-        assert scene.bench.checker.curve(other.cells, later.curve)[0] == 0
+        assert _keeps_half_the_distance(scene, other, later)
 
 
 def test_an_answer_to_a_question_of_before_is_of_no_use(scene):
