@@ -31,6 +31,7 @@ from deploy.rundir import RunDirectory
 
 __all__ = ["add_arguments", "run"]
 
+NOTHING_KEPT = "planner.learning.keep=false"  # a demo leaves the user's map as it is: equal seeds meet equal maps
 ATTACH_WITHIN_S = 60.0  # our choice: a stack that is being started may still compile
 
 
@@ -109,7 +110,7 @@ def _own_stack(args: argparse.Namespace, console: Console) -> Iterator[Bus]:
     if args.connect == DEFAULT_ENDPOINT and not is_free(args.connect):
         address = replace(address, endpoint=free_endpoint())
     started_s = time.monotonic()
-    own = OwnStack(StackOptions(address, args.config, tuple(args.set), args.log_level))
+    own = OwnStack(StackOptions(address, args.config, (NOTHING_KEPT, *args.set), args.log_level))
     try:
         with own.connect() as bus:
             with console.status("starting the stack; the first time of all it builds the map, which takes minutes"):

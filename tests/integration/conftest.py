@@ -19,7 +19,7 @@ READY_WITHIN_S = 240.0  # the first start compiles kernels
 def stack(tmp_path_factory: pytest.TempPathFactory) -> Iterator[OwnStack]:
     """A running stack on a port and in a namespace of its own; shared by all tests that leave it as they found it."""
     build_shipped_map()
-    options = StackOptions(BusAddress(free_endpoint(), "integration"))
+    options = StackOptions(BusAddress(free_endpoint(), "integration"), overrides=("planner.learning.keep=false",))  # tests leave no trace
     running = OwnStack(options)
     try:
         with running.connect() as bus:

@@ -97,7 +97,8 @@ def test_closing_answers_what_is_pending() -> None:
 def test_it_is_gone_when_the_planner_is_however_that_ended(end: signal.Signals) -> None:
     """Also in the middle of a question."""
     script = (
-        "import sys\n"
+        "import signal, sys\n"
+        "signal.signal(signal.SIGINT, signal.default_int_handler)\n"  # ignored where the tests run in the background
         "from tests.integration.test_fallback import ENDLESS, _process\n"
         "one = _process()\n"
         "one.ask(ENDLESS, print)\n"

@@ -133,7 +133,11 @@ def test_no_way_is_an_answer(operator: Operator) -> None:
 
     def ask(occupied: np.ndarray) -> PlanReply:
         request = PlanRequest(
-            goal=SetGoal(pose=OVER_PLACE), q_start_rad=OVER_PICK_RAD, cells=occupied.astype(np.int32), grid_fingerprint=grid.fingerprint
+            goal=SetGoal(pose=OVER_PLACE),
+            q_start_rad=OVER_PICK_RAD,
+            cells=occupied.astype(np.int32),
+            grid_fingerprint=grid.fingerprint,
+            ways=["map"],  # the others would look for one for seconds
         )
         return operator.bus.request("planner/plan", request, PlanReply, timeout_s=20.0)
 

@@ -76,6 +76,7 @@ class Reflex:
         self.thinker = Thinker(planner, ThinkingRules.of(config), vision.grid)
         self._lag = SeeingLag()
         self._step_began_ns = 0
+        self._told_reason = ""  # why there was no way, as it was told last: told once, though thinking says other things in between
         self._events: list[Event] = []
         self._outbox: list[Sent] = []
 
@@ -86,6 +87,7 @@ class Reflex:
         self.goal = goal
         self.thinker.drop()
         self._asker.begin()
+        self._told_reason = ""
         self._shorter.forget()
         self._rules.now_or_never()
         self.report.state, self.report.reason = "planning", ""
@@ -225,8 +227,8 @@ class Reflex:
         if self.goal is None or not self.thinker.is_about(self.goal.id, arm.q_reference_rad):
             self.thinker.drop()
             return
-        watch = Stopwatch(self._clock_ns, self.report.timing_ms)
-        outcome = self.thinker.advance(self.vision.world, watch)
+        outcome = self.thinker.advance(self.vision.world, Stopwatch(self._clock_ns, self.thinker.ms))
+        self.report.timing_ms.update(self.thinker.ms)
         if isinstance(outcome, NotFound):
             self._no_way(outcome)
         elif outcome is not None:
@@ -299,7 +301,7 @@ class Reflex:
         self.report.path_length_rad = motion.length_rad
         self.report.path_neurons = len(motion.path.neurons)
         self.report.smoothing_fallbacks += motion.fell_back
-        self.report.reason = ""
+        self.report.reason = self._told_reason = ""
 
     def _stop(self, now_s: float, arm: ArmState, why: str) -> None:
         sent = self.underway.sent
@@ -329,9 +331,9 @@ class Reflex:
 
     def _no_way(self, why: NotFound) -> None:
         self.underway.refused_reason = ""  # what the robot said of an earlier motion is no longer the point
-        if self.report.reason != why.reason and self.goal is not None:
+        if self._told_reason != why.reason and self.goal is not None:
             self._events.append(Event("blocked", self.goal.id, {"outcome": why.outcome, "reason": why.reason}))
-        self.report.reason = why.reason
+        self.report.reason = self._told_reason = why.reason
 
     def _arrive(self) -> None:
         assert self.goal is not None

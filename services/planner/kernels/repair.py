@@ -160,7 +160,7 @@ def root_in_map(space, trees, side, root, n_connections):  # type: ignore[no-unt
     """
     index, distance = np.empty(n_connections, dtype=np.int32), np.empty(n_connections)
     q = trees.q_rad[side, root]
-    for k in range(nearest_free(space.graph.index, space.node_count, q, index, distance)):
+    for k in range(nearest_free(space.graph.near, space.node_count, q, index, distance)):
         n = index[k]
         is_known = trees.owner[n] != NOBODY  # then the start reaches it, and a goal is being joined
         worth = distance[k] + trees.cost[n] < trees.best[0] if is_known else distance[k] < trees.cost[n]

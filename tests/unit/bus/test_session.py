@@ -157,11 +157,17 @@ def test_nobody_there_is_an_error_not_a_hang(join: Join) -> None:
     assert caught.value.code == "no_answer"
 
 
+def answered(client: Bus) -> bool:
+    return any(answer.ok is not None for answer in client.session.get("planner/cancel", timeout=2.0))
+
+
 def test_a_bad_command_is_answered_with_an_error_and_counted(join: Join) -> None:
     server, client = join(), join()
     goals = server.commands("planner/goal", SetGoal)
     with serving(server, lambda: [command.reply(Ack()) for command in goals.take_all()] and None):
-        errors = [answer.err for answer in client.session.get("planner/goal", payload=b"\xc1garbage", timeout=2.0)]
+        errors = eventually(
+            lambda: [answer.err for answer in client.session.get("planner/goal", payload=b"\xc1garbage", timeout=2.0)], what="an answer"
+        )
         eventually(lambda: client.request("planner/goal", SetGoal(name="home"), Ack), what="a good command after the bad one")
     assert errors[0] is not None
     assert b"bad_payload" in bytes(errors[0].payload)
@@ -172,13 +178,16 @@ def test_a_command_without_payload_is_an_empty_map(join: Join) -> None:
     server, client = join(), join()
     stops = server.commands("robot/stop", Empty)
     with serving(server, lambda: [command.reply(Ack()) for command in stops.take_all()] and None):
-        answers = [answer.ok for answer in client.session.get("robot/stop", timeout=2.0)]
+        answers = eventually(lambda: [answer.ok for answer in client.session.get("robot/stop", timeout=2.0)], what="an answer")
     assert answers[0] is not None
 
 
 def test_too_many_commands_are_refused_not_forgotten(join: Join) -> None:
     server, client = join(), join()
     goals = server.commands("planner/cancel", CancelGoal)
+    # A query sent before the router has told the client of the queryable reaches nobody.
+    with serving(server, lambda: [command.reply(Ack()) for command in goals.take_all()] and None):
+        eventually(lambda: answered(client), what="the queryable to be known to the client")
     n = COMMAND_QUEUE_LENGTH + 5
     waiting = [client.session.get("planner/cancel", timeout=5.0) for _ in range(n)]
     eventually(lambda: len(goals._raw) == n, what="all commands to arrive")
