@@ -150,6 +150,12 @@ def _path(seed):
     return path, np.array([0.0, 0.1, 0.1, 0.0])
 
 
+def _timed(path, reach, velocity_start=None, caps=None):
+    timed = time_blends(path, reach, LIMITS, velocity_start, caps)
+    assert timed is not None
+    return timed.curve
+
+
 def _beside(bench, q, rng, n):
     """Cells of a 6 cm box some 5 to 20 cm from the tool."""
     middle = bench.robot.tool_pose(q)[:3, 3] + rng.normal(size=3) * 0.12
@@ -172,7 +178,7 @@ def test_no_part_of_the_arm_is_faster_than_its_separation_allows(bench, separati
     rng = np.random.default_rng(seed)
     flat = _beside(bench, path[1], rng, 27)
     world = _world(bench, flat, flat if law == "moving" else ())
-    free, slow = time_blends(path, reach, LIMITS), time_blends(path, reach, LIMITS, None, separation.caps(world))
+    free, slow = _timed(path, reach), _timed(path, reach, None, separation.caps(world))
     assert slow.duration_s >= free.duration_s and limit_ratio(slow, LIMITS) <= 1.0 + 1e-5
     bodies = [(coal_mesh(body), body.joint) for body in bench.robot.bodies if not body.immobile]
     cells, too_fast = cells_of(bench.grid, flat), 0
@@ -191,9 +197,9 @@ def test_it_slows_and_is_the_same_twice(bench, separation):
     path, reach = _path(0)
     flat = _beside(bench, path[1], np.random.default_rng(0), 27)
     caps = separation.caps(_world(bench, flat))
-    one, two = (time_blends(path, reach, LIMITS, None, caps) for _ in range(2))
+    one, two = (_timed(path, reach, None, caps) for _ in range(2))
     assert one.t_s.tobytes() == two.t_s.tobytes() and one.dq_rad_s.tobytes() == two.dq_rad_s.tobytes()
-    assert one.duration_s > 1.05 * time_blends(path, reach, LIMITS).duration_s
+    assert one.duration_s > 1.05 * _timed(path, reach).duration_s
     corners = path[:2]
     assert time_polyline(corners, LIMITS, None, caps)[0].duration_s > 1.05 * time_polyline(corners, LIMITS)[0].duration_s
 
@@ -202,7 +208,7 @@ def test_without_cells_it_is_as_fast_as_ever(bench, separation):
     path, reach = _path(1)
     far = bench.grid.cells_of(np.array([[-0.75, -0.75, 0.9]]))
     for world in (_world(bench, []), _world(bench, far)):
-        slow, free = time_blends(path, reach, LIMITS, None, separation.caps(world)), time_blends(path, reach, LIMITS)
+        slow, free = _timed(path, reach, None, separation.caps(world)), _timed(path, reach)
         assert slow.t_s.tobytes() == free.t_s.tobytes()
 
 
@@ -213,8 +219,8 @@ def test_a_start_too_fast_for_what_is_near_brakes_and_goes_on(bench, separation)
     velocity = first / np.abs(first / LIMITS.velocity).max() * 0.8
     flat = _beside(bench, path[0], np.random.default_rng(1), 27)
     caps = separation.caps(_world(bench, flat, flat))
-    slow = time_blends(path, reach, LIMITS, velocity, caps)
-    assert slow is not None and slow.dq_rad_s[0] == pytest.approx(velocity)
+    slow = _timed(path, reach, velocity, caps)
+    assert slow.dq_rad_s[0] == pytest.approx(velocity)
     assert limit_ratio(slow, LIMITS) <= 1.0 + 1e-5
-    assert slow.duration_s > time_blends(path, reach, LIMITS, velocity).duration_s
+    assert slow.duration_s > _timed(path, reach, velocity).duration_s
     assert np.abs(slow.sample(0.15)[1]).max() < np.abs(velocity).max(), "it brakes at once"
