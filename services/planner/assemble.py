@@ -134,5 +134,6 @@ def parts_of(job: Job, built: Built) -> Parts:
 def _separation(arm: Arm, config: PlannerConfig) -> Separation | None:
     if not config.separation.slow:
         return None
-    law = SpeedLaw(0.0, config.replan.hand_seen_s, config.separation.braking_m_s2, config.separation.reduced_speed_m_s)
-    return Separation(arm, reach_of(arm.grids, SEPARATION_REACH_M), law, law._replace(person_m_s=config.replan.hand_speed_m_s))
+    standing = SpeedLaw(0.0, 0.0, config.separation.braking_m_s2, config.separation.reduced_speed_m_s)
+    moving = standing._replace(person_m_s=config.replan.hand_speed_m_s, reaction_s=config.replan.hand_seen_s)
+    return Separation(arm, reach_of(arm.grids, SEPARATION_REACH_M), standing, moving)

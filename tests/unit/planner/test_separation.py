@@ -22,8 +22,8 @@ from tests.support.cell import ur3, ur3_cell
 from tests.support.slow_layers import slow_far
 from tests.support.slow_separation import slow_allowed_speed, slow_clearance
 
-STANDING = SpeedLaw(person_m_s=0.0, reaction_s=0.15, braking_m_s2=2.5, reduced_m_s=0.25)
-MOVING = STANDING._replace(person_m_s=0.25)
+STANDING = SpeedLaw(person_m_s=0.0, reaction_s=0.0, braking_m_s2=2.5, reduced_m_s=0.25)
+MOVING = STANDING._replace(person_m_s=0.25, reaction_s=0.15)
 LIMITS = Limits(0.8 * ur3().max_velocity_rad_s, 0.9 * ur3().max_acceleration_rad_s2)
 TWO_CELLS_M = 0.04  # issue
 
@@ -117,7 +117,7 @@ def test_against_the_physics_engine_never_above_and_at_most_two_cells_below(benc
 
 @pytest.mark.parametrize(
     ("separation_m", "standing", "moving"),
-    [(0.02, 0.25, 0.25), (0.05, 0.25, 0.25), (0.07, 0.3254, 0.25), (0.12, 0.4856, 0.2712), (0.3, 0.9059, 0.6800), (1.0, 1.8923, 1.6560)],
+    [(0.01, 0.25, 0.25), (0.02, 0.3162, 0.25), (0.05, 0.5, 0.25), (0.12, 0.7746, 0.2712), (0.3, 1.2247, 0.6800), (1.0, 2.2361, 1.6560)],
 )
 def test_the_law_in_figures(separation_m, standing, moving):
     assert allowed_speed(STANDING, separation_m) == pytest.approx(standing, abs=1e-4)
