@@ -42,7 +42,8 @@ class ToolConfig(Strict, frozen=True):
 
 
 class RobotConfig(Strict, frozen=True):
-    """The arm. ``urdf``: a path, or ``example-robot-data:<path below robots/>``. Limits given here narrow the URDF's.
+    """The arm. ``urdf``: a path, ``example-robot-data:<path below robots/>``, or
+    ``tolman:<file>`` for our own descriptions. Limits given here narrow the URDF's.
 
     ``locked_joints``: side joints (fingers) frozen at a value, so that a serial arm remains. ``immobile_links``: stand in the static
     layer and are not checked against it.

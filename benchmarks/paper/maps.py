@@ -93,6 +93,7 @@ def _free(job: Job, whole: CognitiveMap) -> CognitiveMap:
 
 def _of(kept: artefact.Artefact) -> KeptMap:
     arrays = kept.arrays
-    table = LookupTable(**{key.removeprefix("table_"): array for key, array in arrays.items() if key.startswith("table_")})
+    rows: dict[str, Any] = {key.removeprefix("table_"): array for key, array in arrays.items() if key.startswith("table_")}
+    table = LookupTable(**rows)
     learned = CognitiveMap(arrays["neurons_rad"], arrays["edges"])
     return KeptMap(learned, table)

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import shutil
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from services.planner.offline.build import STAGES, Built, Job, load
 from services.planner.offline.build import Progress as OnProgress
 from services.planner.offline.build import run as build
 from services.planner.offline.growth import parameters_of
+from services.planner.offline.problem_job import problem_job
 
 __all__ = ["add_arguments", "run"]
 
@@ -44,6 +47,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--motions", type=Path, nargs="+", default=[], metavar="FILE", help="motions to train on too: of tolman teach, .npy, .csv"
     )
     parser.add_argument(
+        "--problems",
+        type=Path,
+        metavar="FILE",
+        help="a map for the scenes of these problems (MotionBenchMaker's, as JSON) instead of the cell",
+    )
+    parser.add_argument("--out", type=Path, metavar="FILE", help="also write the map there")
+    parser.add_argument(
         "--extend",
         type=Path,
         nargs="+",
@@ -60,14 +70,17 @@ def run(args: argparse.Namespace) -> int:
     """0: the map is there."""
     overrides = [*(QUICK if args.quick else []), *args.set]
     shared, config = cell.load(args.config, "planner", PlannerConfig, overrides)
-    job = Job.of(shared, config, args.motions, extension=args.extend)
+    make = partial(problem_job, path=args.problems) if args.problems is not None else Job.of
+    job = make(shared, config, recorded=args.motions, extension=args.extend)
     seconds: dict[str, float] = {}
     built = None if args.force else _kept(job)
     if built is None:
         with _progress() as on_progress:
             built, seconds = build(job, on_progress, force=args.force)
+    if args.out is not None:
+        shutil.copyfile(built.path, args.out)
     report = {
-        **provenance(parameters_of(config).seed, load_tables(args.config, overrides)),
+        **provenance(parameters_of(job.config).seed, load_tables(args.config, overrides)),
         **built.figures,
         "seconds": seconds.get("total"),
         "seconds_of": seconds,
@@ -121,7 +134,7 @@ def _describe(built: Built, seconds: dict[str, float]) -> str:
     def word(value: Any) -> str:
         return f"{value:.4g}" if isinstance(value, float) else str(value)
 
-    lines = [f"  {name:<24} {word(value)}" for name, value in built.figures.items()]
+    lines = [f"  {name:<24} {word(value)}" for name, value in built.figures.items() if not isinstance(value, list)]
     verb = "extended" if "extend" in seconds else "made"
     how = f"{verb} in {seconds['total']:.0f} s" if seconds else "was there already"
     return "\n".join([f"{built.path} {how}", *lines, f"  {'sha256':<24} {built.sha256}"])

@@ -12,6 +12,7 @@ import numpy as np
 
 from common.bus.service import add_bus_arguments
 from common.bus.session import Bus, BusAddress
+from common.config import config_of_robot, robots
 from common.wire.messages import Message, Pose, SetGoal
 
 __all__ = ["TOOL_DOWN_XYZW", "add_bus_arguments", "add_cell_arguments", "add_goal_arguments", "goal_of", "open_bus", "plain", "print_json"]
@@ -30,8 +31,12 @@ def open_bus(args: argparse.Namespace) -> Bus:
 
 
 def add_cell_arguments(parser: argparse.ArgumentParser) -> None:
-    """``--config`` and ``--set``."""
-    parser.add_argument("--config", type=Path, default=None, metavar="FILE", help="cell config (TOML); default: the UR3 cell")
+    """``--config`` or ``--robot``, and ``--set``."""
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--config", type=Path, default=None, metavar="FILE", help="cell config (TOML); default: the UR3 cell")
+    which.add_argument(
+        "--robot", type=config_of_robot, dest="config", metavar="NAME", help=f"the cell that ships for an arm: {', '.join(robots())}"
+    )
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="override one config value: planner.rules=paper")
 
 

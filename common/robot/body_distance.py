@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numba import njit
 
-from common.robot.kernels import body_grid, look_up, to_joint_frame
+from common.robot.kernels import body_grid, look_near, to_joint_frame
 
 __all__ = ["cover_distance", "pair_distance", "to_parts", "to_world"]
 
@@ -37,14 +37,14 @@ def pair_distance(grids, a, b, rotation, translation, fine_m):  # type: ignore[n
     for g in range(grids.group_offset[a], grids.group_offset[a + 1]):
         x, y, z = to_world(turn_a, shift_a, groups, g)
         x, y, z = to_joint_frame(turn_b, shift_b, x, y, z)
-        apart = look_up(distance, grid, x, y, z) - groups[g, 3]
+        apart = look_near(distance, grid, x, y, z) - groups[g, 3]
         if apart > fine_m:
             best = min(best, apart)
             continue
         for s in range(first[g], first[g + 1]):
             x, y, z = to_world(turn_a, shift_a, spheres, s)
             x, y, z = to_joint_frame(turn_b, shift_b, x, y, z)
-            best = min(best, look_up(distance, grid, x, y, z) - spheres[s, 3])
+            best = min(best, look_near(distance, grid, x, y, z) - spheres[s, 3])
     return best
 
 

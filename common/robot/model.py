@@ -29,12 +29,12 @@ from common.robot.pairs import self_collision_pairs
 from common.robot.solids import GRID_REACH_M, GRID_SPACING_M, Body, build_grids, mesh_of_solid
 from common.robot.urdf import load_bodies, load_kinematics, resolve
 
-__all__ = ["RobotModel", "cache_dir", "load_robot"]
+__all__ = ["RobotModel", "cache_dir", "chain_of", "load_robot"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-Geometry = tuple[BodyGrids, I64, PairTables]
-CACHE_VERSION = 2  # raise when the meaning of a cached array changes
+Geometry = tuple[BodyGrids, I64, F64, PairTables]
+CACHE_VERSION = 4  # raise when the meaning of a cached array changes
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +48,7 @@ class RobotModel:
         bodies: the rigid bodies; the tool, if there is one, is the last.
         chain, grids: the same arm as flat arrays for kernels.
         pairs: (P, 2) bodies that can touch one another.
+        pair_usual_m: (P,) distance that each pair has in half of all poses or more, by the spheres.
         pair_tables: distances of those of them that are two joints apart.
         T_joint_tool: (4, 4) pose of the tool frame in the last joint's frame.
         fingerprint: 16 hex digits of URDF, meshes, tool and limits.
@@ -66,6 +67,7 @@ class RobotModel:
     chain: Chain
     grids: BodyGrids
     pairs: I64
+    pair_usual_m: F64
     pair_tables: PairTables
     T_joint_tool: F64
     fingerprint: str
@@ -135,10 +137,10 @@ def load_robot(config: RobotConfig) -> RobotModel:
     T_joint_flange = np.asarray(flange.placement.homogeneous)
     bodies = load_bodies(model, geometry, config.immobile_links)
     bodies += _tool_bodies(config, T_joint_flange, n_joints)
-    chain = _chain(model, config)
+    chain = chain_of(model, config)
     low, high, velocity = _limits(model, config)
     fingerprint = _fingerprint(config, bodies, chain, low, high, velocity)
-    grids, pairs, pair_tables = _cached_geometry(fingerprint, tuple(bodies), chain, low, high)
+    grids, pairs, pair_usual_m, pair_tables = _cached_geometry(fingerprint, tuple(bodies), chain, low, high)
     robot = RobotModel(
         name=config.name,
         joint_names=tuple(model.names)[1:],
@@ -153,6 +155,7 @@ def load_robot(config: RobotConfig) -> RobotModel:
         chain=chain,
         grids=grids,
         pairs=pairs,
+        pair_usual_m=pair_usual_m,
         pair_tables=pair_tables,
         T_joint_tool=T_joint_flange @ rpy_matrix(config.tool.tcp_position_m, config.tool.tcp_rpy_rad),
         fingerprint=fingerprint,
@@ -175,7 +178,8 @@ def _tool_bodies(config: RobotConfig, T_joint_flange: F64, n_joints: int) -> lis
     return [Body("tool", n_joints, np.vstack(vertices), np.vstack(triangles).astype(np.int32), False)]
 
 
-def _chain(model: pin.Model, config: RobotConfig) -> Chain:
+def chain_of(model: pin.Model, config: RobotConfig) -> Chain:
+    """The joints of a serial arm, standing where the config says, as the kernels want them."""
     base = rpy_matrix(config.base_position_m, config.base_rpy_rad)
     placements = [model.jointPlacements[j] for j in range(1, model.njoints)]
     axes, prismatic = [], []
@@ -235,23 +239,23 @@ def _cached_geometry(fingerprint: str, bodies: tuple[Body, ...], chain: Chain, l
     if loaded is not None:
         return loaded
     grids = build_grids(bodies)
-    pairs = self_collision_pairs(bodies, chain, grids, low, high)
-    tables = build_pair_tables(chain, grids, pairs)
+    pairs, pair_usual_m = self_collision_pairs(bodies, chain, grids, low, high)
+    tables = build_pair_tables(bodies, chain, grids, pairs)
     arrays: dict[str, Any] = {name: np.asarray(value) for name, value in grids._asdict().items()}
     arrays |= {f"pair_tables_{name}": value for name, value in tables._asdict().items()}
     with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
-        np.savez(file, pairs=pairs, **arrays)
+        np.savez(file, pairs=pairs, pair_usual_m=pair_usual_m, **arrays)
     Path(file.name).replace(path)  # atomic: several processes may make it at once, all with the same content
-    return grids, pairs, tables
+    return grids, pairs, pair_usual_m, tables
 
 
 def _read_cache(path: Path) -> Geometry | None:
     try:
         with np.load(path, allow_pickle=False) as file:
             arrays = {name: file[name] for name in file.files}
-        pairs = arrays.pop("pairs")
+        pairs, pair_usual_m = arrays.pop("pairs"), arrays.pop("pair_usual_m")
         tables = PairTables(**{name: arrays.pop(f"pair_tables_{name}") for name in PairTables._fields})
         arrays["spacing_m"] = float(arrays["spacing_m"])
-        return BodyGrids(**arrays), pairs, tables
+        return BodyGrids(**arrays), pairs, pair_usual_m, tables
     except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile):
         return None  # not there yet, or torn by a crash: made anew

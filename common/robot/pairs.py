@@ -23,8 +23,8 @@ NEAR_M = 0.005  # a pair that never came nearer than this in any sample is taken
 SEED = 20220707
 
 
-def self_collision_pairs(bodies: Sequence[Body], chain: Chain, grids: BodyGrids, low: F64, high: F64) -> I64:
-    """(P, 2) pairs of body indices worth checking.
+def self_collision_pairs(bodies: Sequence[Body], chain: Chain, grids: BodyGrids, low: F64, high: F64) -> tuple[I64, F64]:
+    """(P, 2) pairs of body indices worth checking, and (P,) the distance in metres that each usually has (the median, by the spheres).
 
     Left out: bodies on the same or on neighbouring frames (joined by construction), pairs that touch in every sampled configuration
     (an artefact of the meshes), and pairs that never come near one another: the exact meshes say so (coal), wherever the conservative
@@ -42,17 +42,19 @@ def self_collision_pairs(bodies: Sequence[Body], chain: Chain, grids: BodyGrids,
     n_joints = len(low)
     rotation, translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
     touches = np.zeros(len(candidates), dtype=np.int64)
-    for q in rng.uniform(low, high, size=(SAMPLES, n_joints)):
+    apart = np.empty((SAMPLES, len(candidates)))
+    for k, q in enumerate(rng.uniform(low, high, size=(SAMPLES, n_joints))):
         forward_kinematics(chain, q, rotation, translation)
         poses = [coal.Transform3s(rotation[j].copy(), translation[j].copy()) for j in range(n_joints + 1)]
         for i, (a, b) in enumerate(candidates):
-            if pair_distance(grids, a, b, rotation, translation, FAR / 2.0) > NEAR_M:
+            apart[k, i] = pair_distance(grids, a, b, rotation, translation, FAR / 2.0)
+            if apart[k, i] > NEAR_M:
                 continue
             result = coal.CollisionResult()
             coal.collide(meshes[a], poses[bodies[a].joint], meshes[b], poses[bodies[b].joint], request, result)
             touches[i] += result.isCollision()
-    keep = [pair for pair, n in zip(candidates, touches, strict=True) if 0 < n < SAMPLES]
-    return np.array(keep, dtype=np.int64).reshape(-1, 2)
+    keep = np.flatnonzero((touches > 0) & (touches < SAMPLES))
+    return np.array(candidates, dtype=np.int64).reshape(-1, 2)[keep], np.median(apart[:, keep], axis=0)
 
 
 def coal_mesh(body: Body) -> coal.BVHModelOBBRSS:

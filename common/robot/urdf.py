@@ -18,14 +18,17 @@ __all__ = ["load_bodies", "load_kinematics", "resolve"]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 BUNDLED = "example-robot-data:"
+OWN = "tolman:"
+OWN_FOLDER = Path(__file__).parent / "descriptions"
 BUNDLED_ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
 
 
 def resolve(urdf: str) -> tuple[Path, list[Path]]:
     """The file of a configured URDF and the folders in which ``package://`` names are looked up.
 
-    ``example-robot-data:<path>`` names a file below that package's ``robots`` folder; its ``package://example-robot-data`` resolves
-    against the parent of the package's share folder. For any other path the folders are the file's ancestors.
+    ``tolman:<file>`` is one of our own descriptions. ``example-robot-data:<path>`` names a file below that package's ``robots`` folder; its
+    ``package://example-robot-data`` resolves against the parent of the package's share folder. For any other path the folders are
+    the file's ancestors.
 
     Raises:
         RobotError: package or file not found.
@@ -36,6 +39,8 @@ def resolve(urdf: str) -> tuple[Path, list[Path]]:
         except PackageNotFoundError:
             raise RobotError(f"robot.urdf {urdf!r} needs the package example-robot-data==5.0.0") from None
         path, folders = robots / urdf.removeprefix(BUNDLED), [robots.parent.parent]
+    elif urdf.startswith(OWN):
+        path, folders = OWN_FOLDER / urdf.removeprefix(OWN), [OWN_FOLDER]
     else:
         path = Path(urdf).expanduser()
         folders = list(path.resolve().parents)
@@ -65,7 +70,11 @@ def load_kinematics(path: Path, package_dirs: list[Path], locked: dict[str, floa
         ids = [model.getJointId(name) for name in locked]
         model, geometries = pin.buildReducedModel(model, [geometry], ids, reference)
         geometry = geometries[0]
+    if model.njoints < 2:
+        raise RobotError(f"{path}: has no moving joint")
     for j in range(1, model.njoints):
+        if model.joints[j].nq == 2 and model.joints[j].nv == 1:
+            raise RobotError(f"{path}: joint {model.names[j]} turns without end (continuous): give it limits, as type revolute")
         if model.parents[j] != j - 1 or model.joints[j].nq != 1:
             raise RobotError(
                 f"{path}: joint {model.names[j]} is not part of one chain of one-axis joints; lock side joints in robot.locked_joints"
@@ -83,6 +92,8 @@ def load_bodies(model: pin.Model, geometry: pin.GeometryModel, immobile_links: l
     unknown = sorted(set(immobile_links) - links)
     if unknown:
         raise RobotError(f"robot.immobile_links: {unknown} carry no geometry; links that do: {sorted(links)}")
+    if not any(g.parentJoint > 0 for g in geometry.geometryObjects):
+        raise RobotError("robot.urdf: no moving link has collision geometry: nothing could be checked")
     bodies = []
     for joint in range(model.njoints):
         parts = [g for g in geometry.geometryObjects if g.parentJoint == joint]

@@ -226,7 +226,11 @@ class Trajectory(State, frozen=True, kw_only=True, eq=False):
 
 
 class PlannerStatus(State, frozen=True, kw_only=True, eq=False):
-    """What the planner does and why."""
+    """What the planner does and why.
+
+    ``clearance_m``: distance from the arm, where it is told to be, to all that is seen and to the static layer; None while the eyes are
+    stale. Never above the true one, as far as what is there is seen.
+    """
 
     state: PlannerState
     goal_id: str | None = None

@@ -18,16 +18,21 @@ from services.planner.core.growth import Ground
 from services.planner.core.motion import MotionPlanner
 from services.planner.core.reflex import Reflex
 from services.planner.core.roadmap import Roadmap
+from services.planner.core.separation import Separation
 from services.planner.core.timing import Limits
 from services.planner.core.vision import Vision
 from services.planner.core.world import no_cells
 from services.planner.kernels.collision import Arm
+from services.planner.kernels.reach import reach_of
+from services.planner.kernels.separation import SpeedLaw
 from services.planner.kernels.static_layer import Solids
 from services.planner.offline.build import Built, Job, load_or_build
+from services.planner.offline.finishing import layer_rules
 
-__all__ = ["Parts", "assemble"]
+__all__ = ["Parts", "assemble", "parts_of"]
 
 Progress = Callable[[str, float], None]
+SEPARATION_REACH_M = 0.15  # within it separations are measured by grids, beyond by the spheres that contain a body; our choice
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +45,7 @@ class Parts:
     grid: Grid
     roadmap: Roadmap
     built: Built
+    separation: Separation | None = None  # how fast the arm may be near what is seen; None: as fast as it can
 
     @cached_property
     def arm(self) -> Arm:
@@ -68,7 +74,7 @@ class Parts:
     def ground(self) -> Ground:
         """What the rows of the table depend on."""
         margins = self.config.margins
-        return Ground(self.arm, self.grid, margins.safety_m, margins.step_m)
+        return Ground(self.arm, self.grid, margins.safety_m, margins.edge_step_m, layer_rules(self.arm, self.grid, self.config))
 
     def on(self, roadmap: Roadmap) -> Parts:
         """The same with another roadmap: one that has grown."""
@@ -88,9 +94,11 @@ class Parts:
     def motion_planner(self) -> MotionPlanner:
         """A new planner with its own scratch, at the configured share of the limits."""
         limits = self.limits.scaled(self.config.speed.velocity, self.config.speed.acceleration)
-        finder = PathFinder(self.roadmap, self.checker())
+        weighs = self.config.clearance.weight > 0.0 and self.roadmap.table.layers.n_bands > 0  # maps of benchmarks have no layers
+        finder = PathFinder(self.roadmap, self.checker(), self.config.clearance.surcharges if weighs else ())
         joint_range = (self.robot.position_min_rad, self.robot.position_max_rad)
-        return MotionPlanner(finder, limits, self.hand, joint_range, shortcut_checks=self.config.smoothing.shortcut_checks)
+        checks = self.config.smoothing.shortcut_checks
+        return MotionPlanner(finder, limits, self.hand, joint_range, shortcut_checks=checks, separation=self.separation)
 
     def goal_resolver(self) -> GoalResolver:
         """A new resolver with its own scratch."""
@@ -114,6 +122,18 @@ def assemble(cell: CellConfig, config: PlannerConfig, progress: Progress = lambd
         TolmanError: robot or map cannot be had.
     """
     job = Job.of(cell, config)
-    built = load_or_build(job, progress)
-    roadmap = Roadmap.of(built.learned, built.table, config.model)
-    return Parts(cell, config, job.scene.robot, job.scene.grid, roadmap, built)
+    return parts_of(job, load_or_build(job, progress))
+
+
+def parts_of(job: Job, built: Built) -> Parts:
+    """The parts of a job whose map is there."""
+    roadmap = Roadmap.of(built.learned, built.table, job.config.model)
+    return Parts(job.cell, job.config, job.scene.robot, job.scene.grid, roadmap, built, _separation(job.scene.arm, job.config))
+
+
+def _separation(arm: Arm, config: PlannerConfig) -> Separation | None:
+    if not config.separation.slow:
+        return None
+    standing = SpeedLaw(0.0, 0.0, config.separation.braking_m_s2, config.separation.reduced_speed_m_s)
+    moving = standing._replace(person_m_s=config.replan.hand_speed_m_s, reaction_s=config.replan.hand_seen_s)
+    return Separation(arm, reach_of(arm.grids, SEPARATION_REACH_M), standing, moving)

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Annotated, Literal
 
-from msgspec import Meta
+from msgspec import Meta, field
 
 from common.config import Strict
-from services.planner.offline.config import ExtendConfig, GammaSomConfig, MapConfig, MotionsConfig, SomConfig
+from services.planner.offline.config import ExtendConfig, GammaSomConfig, MapConfig, MotionsConfig, ProblemsConfig, SomConfig
 
 __all__ = [
+    "ClearanceConfig",
     "FallbackConfig",
     "LearningConfig",
     "MarginsConfig",
     "PlannerConfig",
     "RepairConfig",
     "ReplanConfig",
+    "SeparationConfig",
     "SmoothingConfig",
     "SpeedConfig",
 ]
@@ -34,6 +37,52 @@ class MarginsConfig(Strict, frozen=True):
     self_m: Length = 0.005  # our choice
     step_m: Annotated[float, Meta(gt=0, le=0.1)] = 0.02  # no part of the arm moves farther between two checked poses, so none is ever
     # farther than half of it from a checked one: half of the safety distance is left in between
+    # The same between two samples of an edge in the table; absent: as step_m. What a table overlooks the look at the curve finds.
+    table_step_m: Annotated[float, Meta(gt=0, le=0.1)] | None = None
+
+    @property
+    def edge_step_m(self) -> float:
+        """Farthest that any point of the arm moves between two samples of an edge."""
+        return self.step_m if self.table_step_m is None else self.table_step_m
+
+
+class ClearanceConfig(Strict, frozen=True):
+    """Layers of the table beyond the safety distance, and what nearness costs a path."""
+
+    # Issue: for example +2, +5, +10 cm; [] builds none.
+    layers_m: list[Annotated[float, Meta(gt=0, le=0.3)]] = field(default_factory=lambda: [0.02, 0.05, 0.10])
+    block_m: Annotated[float, Meta(gt=0, le=0.2)] = 0.04  # edge of the blocks of cells that layers are of: two cells; our choice
+    # An edge in the band of the first layer costs so much more of its length, one in the others less: a detour that long is taken to
+    # get out of it. Our choice.
+    weight: Annotated[float, Meta(ge=0, le=10)] = 0.25
+
+    def __post_init__(self) -> None:
+        if any(low >= high for low, high in pairwise(self.layers_m)):
+            raise ValueError(f"layers_m {self.layers_m} must ascend")
+
+    @property
+    def surcharges(self) -> list[float]:
+        """By band, the share by which an edge in it costs more: ``weight`` at the safety distance, less with distance, 0 beyond all layers.
+
+        A band counts by its inner side: one that begins at d of D metres costs weight (1 - d / D).
+        """
+        return [self.weight * (1.0 - inner_m / self.layers_m[-1]) for inner_m in [0.0, *self.layers_m[:-1]]] if self.layers_m else []
+
+
+class SeparationConfig(Strict, frozen=True):
+    """How fast a part of the arm may be at a separation from what is seen: speed and separation monitoring (ISO/TS 15066, 5.5.4).
+
+    The separation S must leave room for S_h = v_h (T_r + T_s), the way of a person until the arm stands, S_r = v_r T_r, the arm's way
+    until it reacts, and S_s = v_r^2 / (2 a), its braking distance, T_s = v_r / a being the time that takes. So v_r is the largest speed
+    with S_h + S_r + S_s <= S. For cells that may belong to something that moves, T_r and v_h are ``replan.hand_seen_s`` and
+    ``replan.hand_speed_m_s``. For what has stood for two seconds both are zero: there is nothing to react to, so it is passed no faster
+    than the arm could brake before it. The standard's intrusion distance and uncertainties C, Z_d and Z_r are in S already: it is a lower
+    bound of the distance to whole cells.
+    """
+
+    slow: bool = True
+    reduced_speed_m_s: Annotated[float, Meta(gt=0)] = 0.25  # ISO 10218-1, reduced speed: so fast is safe at any separation
+    braking_m_s2: Annotated[float, Meta(gt=0)] = 2.5  # our choice: 5 rad/s^2 half a metre from the joint
 
 
 class SmoothingConfig(Strict, frozen=True):
@@ -104,7 +153,10 @@ class PlannerConfig(Strict, frozen=True):
     som: SomConfig = SomConfig()
     gamma_som: GammaSomConfig = GammaSomConfig()
     extend: ExtendConfig = ExtendConfig()
+    problems: ProblemsConfig = ProblemsConfig()
     margins: MarginsConfig = MarginsConfig()
+    clearance: ClearanceConfig = ClearanceConfig()
+    separation: SeparationConfig = SeparationConfig()
     smoothing: SmoothingConfig = SmoothingConfig()
     speed: SpeedConfig = SpeedConfig()
     replan: ReplanConfig = ReplanConfig()

@@ -138,7 +138,8 @@ class Student:
         roadmap = parts.roadmap
         counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
         counts.set_cells(self._reflex.vision.counts.cells)
-        finder = PathFinder(roadmap, self._reflex.checker)  # the loop's own checker: only the loop will use this finder
+        surcharges = self._reflex.planner.finder.surcharges.tolist()
+        finder = PathFinder(roadmap, self._reflex.checker, surcharges)  # the loop's own checker: only the loop will use this finder
         return Learned(lesson, reply, parts, QuestionDesk(parts, monotonic_ns, self._sampler), finder, counts)
 
     def _checked(self, lesson: Lesson) -> F64:

@@ -17,6 +17,7 @@ from common.wire.messages import PlanRequest, Pose, SetGoal
 from services.planner.assemble import Parts
 from services.planner.core.found import NO_NEURON
 from services.planner.core.growth import Addition, grown
+from services.planner.core.layer_table import LayerTable
 from services.planner.core.lookup import BlockedCounts, LookupTable, cells_of_pose
 from services.planner.core.motion import Ask, Motion, Stopwatch
 from services.planner.core.repair import Repair, tightened
@@ -76,6 +77,7 @@ def _move(parts: Parts, clock_ns: Callable[[], int], home: F64, far: F64) -> Non
     checker = planner.checker
     swept = cells_of_pose(checker.arm, parts.grid, q, safety_m=checker.safety_m)
     checker.curve_meets(cells_of(parts.grid, swept[:8]), curve)
+    checker.clearance(vision.seen, q)
     outer = np.setdiff1d(swept, cells_of_pose(checker.arm, parts.grid, q, safety_m=0.0))[:4]
     vision.see(0.0, outer.astype(np.int32))
     checker.hand_meets(vision.world.recent, curve, parts.hand)
@@ -94,7 +96,8 @@ def rehearse_learning(student: Student, parts: Parts) -> None:
         n = roadmap.n_neurons
         grown(roadmap, Addition(path.mean(axis=0)[None], np.array([[ends[0], n], [ends[1], n]], dtype=np.int32)), parts.ground)
     offset, owner, cell = np.zeros(2, dtype=np.int64), np.empty(0, dtype=np.uint32), np.zeros(1, dtype=np.int32)
-    BlockedCounts(LookupTable(offset, owner, offset, owner, cell[:0]), 1, 1).set_cells(cell)
+    layers = LayerTable(np.ones(1), np.ones(3, dtype=np.int64), 1, offset, owner, offset, owner)
+    BlockedCounts(LookupTable(offset, owner, offset, owner, cell[:0], layers), 1, 1).set_cells(cell)
     none, cursor = np.zeros(1, dtype=np.uint8), np.zeros(1, dtype=np.int64)
     copy_rows(offset, owner, none, 1, offset, owner, cursor)
     append_owners(offset, cell[:0], none, 1, cursor, owner)

@@ -233,6 +233,7 @@ class Planner:
                 n_blocked=reflex.vision.counts.n_blocked,
                 path_length_rad=report.path_length_rad,
                 path_neurons=report.path_neurons,
+                clearance_m=reflex.clearance_m(now_ns / NS),
                 timing_ms=report.timing_ms,
                 reaction_ms=report.reaction_ms,
                 replans=report.replans,

@@ -50,6 +50,20 @@ def test_it_goes_round_a_box_that_it_sees(operator: Operator) -> None:
     assert after.min_distance_since_reset_m > 0.0
 
 
+def test_the_clearance_it_tells_is_the_engines_own_or_a_little_less(operator: Operator) -> None:
+    """A box some 15 cm beside the tool, seen by real cameras: two cells, and one more for what noise adds to a box's sides."""
+    operator.go(OVER_PICK)
+    operator.box("box", [0.32, -0.10, 0.25], [0.06, 0.06, 0.2])
+    operator.sees(30)
+
+    def difference_m() -> float:
+        assert operator.status is not None and operator.status.clearance_m is not None
+        return operator.clearance().min_distance_m - operator.status.clearance_m
+
+    operator.until(lambda: operator.status is not None and operator.status.clearance_m is not None, "a clearance")
+    operator.until(lambda: 0.0 <= difference_m() <= 0.06, "the engine's clearance or a little less")
+
+
 def test_a_box_that_comes_in_the_way_of_a_motion_is_dodged_or_waited_for(operator: Operator) -> None:
     operator.go(OVER_PICK)
     goal_id = operator.send(OVER_PLACE, speed_scale=0.12)  # slow: nothing may materialise inside the arm or in its braking way

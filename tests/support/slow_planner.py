@@ -6,25 +6,38 @@ import heapq
 
 import numpy as np
 
-from common.robot.kernels import body_distance
+from common.robot.kernels import BodyGrids, body_distance
 from services.planner.kernels.collision import Arm
 
-__all__ = ["slow_counts", "slow_dijkstra", "slow_pose_cells", "slow_touches"]
+__all__ = ["slow_counts", "slow_dijkstra", "slow_near", "slow_pose_cells", "slow_touches"]
 
 
 def slow_touches(arm: Arm, b: int, frame: np.ndarray, centre: np.ndarray, half: float, safety: float) -> bool:
-    """The rule in words: the cube is near if its ball surely is; if its ball may be, ask its eight octants."""
+    """The rule in words: the cube is near if its ball surely is; if its ball may be, ask its eight octants, and theirs of those."""
 
     def distance(world: np.ndarray) -> float:
-        return body_distance(arm.grids, b, *(frame[:3, :3].T @ (world - frame[:3, 3])))
+        return slow_near(arm.grids, b, frame[:3, :3].T @ (world - frame[:3, 3]))
 
-    here = distance(centre)
-    if here > safety + half * np.sqrt(3.0):
-        return False
-    if here <= safety + half:
-        return True
+    def touches(middle: np.ndarray, half: float, depth: int) -> bool:
+        here = distance(middle)
+        if here > safety + half * np.sqrt(3.0):
+            return False
+        if here <= safety + half or depth == 0:
+            return True
+        return any(touches(middle + half / 2 * sign, half / 2, depth - 1) for sign in signs)
+
     signs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
-    return any(distance(centre + half / 2 * sign) <= safety + half / 2 * np.sqrt(3.0) for sign in signs)
+    return touches(centre, half, 2)
+
+
+def slow_near(grids: BodyGrids, b: int, point: np.ndarray) -> float:
+    """A voxel's stored bound, less the half diagonal that it was lowered by, plus the way from the voxel's centre."""
+    lowered = body_distance(grids, b, *point)
+    voxel = np.floor((point - grids.origin_m[b]) / grids.spacing_m)
+    if np.any(voxel < 0) or np.any(voxel >= grids.shape[b]):
+        return lowered
+    centre = grids.origin_m[b] + (voxel + 0.5) * grids.spacing_m
+    return lowered + grids.spacing_m * np.sqrt(3.0) / 2.0 - float(np.linalg.norm(point - centre))
 
 
 def slow_pose_cells(arm: Arm, frames: np.ndarray, centres: np.ndarray, half: float, safety: float) -> np.ndarray:

@@ -11,6 +11,7 @@ from common.robot.kernels import forward_kinematics
 from common.robot.trajectory import JointTrajectory
 from services.planner.kernels.blends import fit_blends
 from services.planner.kernels.cells import Cells
+from services.planner.kernels.clearance import pose_clearance
 from services.planner.kernels.collision import FREE, HIT_CELL, HIT_STATIC, Arm, cells_that_hit, farthest_m, pose_verdict
 from services.planner.kernels.path import curve_verdict, first_blocked
 from services.planner.kernels.static_layer import NO_SOLIDS, Solids
@@ -68,7 +69,7 @@ class Checker:
         self._body_names = body_names
         self._solid_names = solid_names
         self._arm_against_cells = arm._replace(pairs=arm.pairs[:0], pair_lever_m=arm.pair_lever_m[:0])
-        self._blend_arm = arm._replace(static_margin_m=arm.static_margin_m + ASTRAY_M, self_margin_m=arm.self_margin_m + ASTRAY_M)
+        self._blend_arm = arm._replace(static_margin_m=arm.static_margin_m + ASTRAY_M, pair_margin_m=arm.pair_margin_m + ASTRAY_M)
         self._no_solids = NO_SOLIDS
         n_joints = len(arm.chain.axis)
         self._rotation, self._translation = np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3))
@@ -86,6 +87,14 @@ class Checker:
         forward_kinematics(self.arm.chain, q_rad, self._rotation, self._translation)
         cells_that_hit(self.arm, cells, safety, self._rotation, self._translation, hit)
         return hit.astype(bool)
+
+    def clearance(self, cells: Cells, q_rad: F64) -> float:
+        """Distance in metres from ``q_rad`` (J,) to cells and static layer: never above the true one, below it by a centimetre at most.
+
+        Infinite where there is neither; 0 where it touches.
+        """
+        forward_kinematics(self.arm.chain, q_rad, self._rotation, self._translation)
+        return float(pose_clearance(self.arm, self.solids, cells, self._rotation, self._translation))
 
     def poses_meet(self, cells: Cells, q_rad: F64, *, room_m: float = 0.0) -> int | None:
         """Index of the first of the poses (K, J) that comes within the safety distance and ``room_m`` of a cell.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -10,6 +11,7 @@ from numpy.typing import NDArray
 
 from services.planner.core.check import Checker
 from services.planner.core.found import FoundPath, NotFound, path_length
+from services.planner.core.layer_table import Near
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import World
 from services.planner.kernels.connect import ASTAR, BIDIRECTIONAL, DIJKSTRA, WAVEFRONT, Ends, Scratch, best_way, connect, join_ends
@@ -26,6 +28,7 @@ I32 = NDArray[np.int32]
 Rules = Literal["checked", "paper"]
 SEARCHES = ("dijkstra", "astar", "bidirectional", "wavefront")  # the first three find equally short paths, the last the fewest neurons
 KINDS = {"dijkstra": DIJKSTRA, "astar": ASTAR, "wavefront": WAVEFRONT, "bidirectional": BIDIRECTIONAL}
+FREE_OF_CHARGE = Near(np.empty((0, 0), dtype=np.int32), np.empty((0, 0), dtype=np.int32), np.empty(0))  # by the paper's rules
 N_CONNECTIONS = 24  # nearest free neurons that start and goal may join; our choice
 
 
@@ -60,11 +63,20 @@ class Pieces:
 
 
 class PathFinder:
-    """Searches one roadmap. Holds scratch buffers, so one per thread; answers depend on the arguments alone."""
+    """Searches one roadmap. Holds scratch buffers, so one per thread; answers depend on the arguments alone.
 
-    def __init__(self, roadmap: Roadmap, checker: Checker) -> None:
+    Args:
+        roadmap: the map.
+        checker: of connections and shortcuts.
+        surcharges: (L,) by layer of the table, the share by which an edge in that band costs more; empty: nearness costs nothing.
+    """
+
+    def __init__(self, roadmap: Roadmap, checker: Checker, surcharges: Sequence[float] = ()) -> None:
         self.roadmap = roadmap
         self.checker = checker
+        self.surcharges = np.array(surcharges, dtype=np.float64)
+        if len(surcharges) not in (0, roadmap.table.layers.n_bands):
+            raise ValueError(f"{len(surcharges)} surcharges for {roadmap.table.layers.n_bands} layers")
         n, m = roadmap.n_neurons, roadmap.n_edges
         capacity = N_CONNECTIONS + 2 * m + n + 1
         self.scratch = Scratch(
@@ -111,9 +123,9 @@ class PathFinder:
     def search(
         self, node_count: I32, edge_count: I32, start: I32, start_cost: F64, goal: I32, goal_cost: F64, q_goal: F64, search: str
     ) -> I32 | None:
-        """Neurons of the best path from any of ``start`` to any of ``goal`` at these joining costs; None if there is none."""
+        """Neurons of the shortest path from any of ``start`` to any of ``goal`` at these joining costs; None if there is none."""
         kind, graph = KINDS[search], self.roadmap.graph
-        n = best_way(kind, graph, node_count, edge_count, start, start_cost, goal, goal_cost, q_goal, self.scratch)
+        n = best_way(kind, graph, node_count, edge_count, FREE_OF_CHARGE, start, start_cost, goal, goal_cost, q_goal, self.scratch)
         return None if n == NOT_FOUND else self.scratch.path[:n].copy()
 
     def new_ends(self) -> Ends:
@@ -124,7 +136,9 @@ class PathFinder:
     def question(self, world: World, edge_count: I32, q_start: F64, q_goal: F64, search: str) -> tuple[Any, ...]:
         """What the kernels are told of a question: map, what is blocked, checks, ends."""
         c = self.checker
-        counts, checks = (world.counts.node, edge_count), (c.arm, c.solids, world.cells, c.safety_m, c.step_m)
+        near = world.counts.near
+        counts = (world.counts.node, edge_count, Near(near.node, near.edge, self.surcharges))
+        checks = (c.arm, c.solids, world.cells, c.safety_m, c.step_m)
         return (KINDS[search], self.roadmap.graph, *counts, *checks, q_start, q_goal)
 
     def join(self, world: World, q_start: F64, q_goal: F64, ends: Ends) -> None:

@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 
 from common.geometry.grid import Grid
 from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.layer_table import NO_LAYERS, LayerTable
+from services.planner.core.layers import LayerRules, near_blocks
 from services.planner.core.lookup import LookupTable, Swept, owner_dtype, sweep
 from services.planner.core.roadmap import Roadmap
 from services.planner.kernels.collision import Arm
@@ -48,12 +50,13 @@ class Addition:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """What the rows of a table depend on besides the map: arm, cells, inflation, and the step along edges in metres."""
+    """What the rows of a table depend on besides the map: arm, cells, inflation, the step along edges in metres, layers (None: none)."""
 
     arm: Arm
     grid: Grid
     safety_m: float
     step_m: float
+    layers: LayerRules | None = None
 
 
 def grown(roadmap: Roadmap, addition: Addition, ground: Ground, *, n_threads: int = 1) -> Roadmap:
@@ -86,18 +89,38 @@ def _grown_table(roadmap: Roadmap, addition: Addition, ground: Ground, n_threads
     nodes = _merge(table.node_offset, table.node_owner, avoidable, n, node_offset, node_cell, left_out)
     # What every old neuron sweeps, no old edge sweeps beyond its ends: its rows begin empty there.
     edges = _merge(table.edge_offset, table.edge_owner, none, roadmap.n_edges, swept.edge_offset, swept.edge_cell, left_out)
-    return LookupTable(*nodes, *edges, unavoidable=unavoidable)
+    return LookupTable(*nodes, *edges, unavoidable=unavoidable, layers=_grown_layers(roadmap, addition, ground, n_threads))
 
 
 def _sweep_new(roadmap: Roadmap, addition: Addition, ground: Ground, n_threads: int) -> tuple[Swept, int]:
     """Cells of the old ends of new edges, then of the new neurons, and of the new edges; how many of the neurons are old ends."""
+    q, edges, n_ends = _with_old_ends(roadmap, addition)
+    swept = sweep(ground.arm, ground.grid, q, edges, safety_m=ground.safety_m, step_m=ground.step_m, n_threads=n_threads)
+    return swept, n_ends
+
+
+def _with_old_ends(roadmap: Roadmap, addition: Addition) -> tuple[F64, I32, int]:
+    """The old ends of new edges, then the new neurons; the new edges between them; how many of the neurons are old ends."""
     n = roadmap.n_neurons
     ends = np.unique(addition.edges[addition.edges < n])
     place = np.concatenate([ends, np.arange(n, n + len(addition.neurons_rad))])
     edges = np.searchsorted(place, addition.edges).astype(np.int32).reshape(-1, 2)
-    q = np.ascontiguousarray(np.vstack([roadmap.neurons_rad[ends], addition.neurons_rad]))
-    swept = sweep(ground.arm, ground.grid, q, edges, safety_m=ground.safety_m, step_m=ground.step_m, n_threads=n_threads)
-    return swept, len(ends)
+    return np.ascontiguousarray(np.vstack([roadmap.neurons_rad[ends], addition.neurons_rad])), edges, len(ends)
+
+
+def _grown_layers(roadmap: Roadmap, addition: Addition, ground: Ground, n_threads: int) -> LayerTable:
+    """The layers with the rows of what is added; a row is by block and band, all else is as for cells."""
+    rules, old = ground.layers, roadmap.table.layers
+    if rules is None or old.n_bands == 0:
+        return NO_LAYERS
+    q, edges, n_ends = _with_old_ends(roadmap, addition)
+    near = near_blocks(rules, q, edges, n_threads=n_threads)
+    none = np.zeros(rules.n_entries, dtype=np.uint8)
+    offset, entries = near.node_offset[n_ends:] - near.node_offset[n_ends], near.node_cell[near.node_offset[n_ends] :]
+    return rules.table(
+        _merge(old.node_offset, old.node_owner, none, roadmap.n_neurons, offset, entries, none),
+        _merge(old.edge_offset, old.edge_owner, none, roadmap.n_edges, near.edge_offset, near.edge_cell, none),
+    )
 
 
 def _marks(cells: I32, n_cells: int) -> U8:

@@ -16,10 +16,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry.grid import Grid
+from services.planner.core.layer_table import NO_LAYERS, LayerTable, NearCounts
 from services.planner.kernels.collision import Arm
 from services.planner.kernels.lookup import change_counts, count_rows, edge_extra_cells, fill_rows, node_cells
 
-__all__ = ["BlockedCounts", "LookupTable", "Swept", "build_table", "cells_of_pose", "owner_dtype", "sweep"]
+__all__ = [
+    "N_THREADS",
+    "BlockedCounts",
+    "LookupTable",
+    "Progress",
+    "Swept",
+    "build_table",
+    "cells_of_pose",
+    "owner_dtype",
+    "rows_of_owners",
+    "sweep",
+    "transposed",
+]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -41,6 +54,7 @@ class LookupTable:
             owners uint16 (uint32 beyond 65 535 neurons), ascending within a row.
         edge_offset, edge_owner: the same for edges; an edge's row holds only what it sweeps beyond its two ends (uint16 or uint32).
         unavoidable: (U,) int32 ascending cells that every neuron sweeps; they are in no row, since no path could ever avoid them.
+        layers: which neurons and edges are near a cell beyond the safety distance.
     """
 
     node_offset: I64
@@ -48,10 +62,11 @@ class LookupTable:
     edge_offset: I64
     edge_owner: NDArray[Any]
     unavoidable: I32
+    layers: LayerTable = NO_LAYERS
 
     @property
     def n_bytes(self) -> int:
-        """Bytes of all arrays."""
+        """Bytes of all arrays, without those of the layers."""
         return sum(a.nbytes for a in (self.node_offset, self.node_owner, self.edge_offset, self.edge_owner, self.unavoidable))
 
     def neurons_of(self, cell: int) -> NDArray[Any]:
@@ -100,12 +115,12 @@ def sweep(
         if progress is not None:
             progress(done, total)
 
-    node_offset, node_cell = _rows(run_nodes, neurons_rad, grid.n_cells, report, n_threads)
+    node_offset, node_cell = rows_of_owners(run_nodes, neurons_rad, grid.n_cells, report, n_threads)
 
     def run_edges(part: NDArray[Any], first: int, stamp: I64, out: I32, offset: I64) -> int:
         return int(edge_extra_cells(arm, *geometry, step_m, neurons_rad, part, node_offset, node_cell, first, stamp, out, offset))
 
-    edge_offset, edge_cell = _rows(run_edges, edges, grid.n_cells, lambda done: report(len(neurons_rad) + done), n_threads)
+    edge_offset, edge_cell = rows_of_owners(run_edges, edges, grid.n_cells, lambda done: report(len(neurons_rad) + done), n_threads)
     return Swept(node_offset, node_cell, edge_offset, edge_cell)
 
 
@@ -128,8 +143,8 @@ def build_table(
     count_rows(swept.node_cell, counts)
     unavoidable = np.flatnonzero(counts == len(neurons_rad)).astype(np.int32) if len(neurons_rad) else np.empty(0, dtype=np.int32)
     return LookupTable(
-        *_transpose(swept.node_offset, swept.node_cell, grid.n_cells, unavoidable),
-        *_transpose(swept.edge_offset, swept.edge_cell, grid.n_cells, unavoidable),
+        *transposed(swept.node_offset, swept.node_cell, grid.n_cells, unavoidable),
+        *transposed(swept.edge_offset, swept.edge_cell, grid.n_cells, unavoidable),
         unavoidable=unavoidable,
     )
 
@@ -139,15 +154,17 @@ def owner_dtype(n_owners: int) -> type[np.unsignedinteger[Any]]:
     return np.uint16 if n_owners <= 0xFFFF else np.uint32
 
 
-def _rows(run: RowKernel, items: NDArray[Any], n_cells: int, report: Callable[[int], None], n_threads: int) -> tuple[I64, I32]:
-    """Owner -> cells of all items: offsets (n + 1,) and flat cells. Chunks are worked on by threads and put together in order."""
+def rows_of_owners(run: RowKernel, items: NDArray[Any], n_cells: int, report: Callable[[int], None], n_threads: int) -> tuple[I64, I32]:
+    """Owner -> cells of all items: offsets (n + 1,) and flat cells. Chunks are worked on by threads and put together in order.
+
+    ``n_cells``: length of the stamps that ``run`` gets.
+    """
     scratches: SimpleQueue[tuple[I64, I32]] = SimpleQueue()
     for _ in range(n_threads):
         scratches.put((np.full(n_cells, -1, dtype=np.int64), np.empty(CHUNK * MAX_CELLS_A_POSE, dtype=np.int32)))
 
     def work(first: int) -> list[tuple[I64, I32]]:
         stamp, buffer = scratches.get()
-        stamp.fill(-1)
         rows = _chunk_rows(run, items[first : first + CHUNK], stamp, buffer)
         scratches.put((stamp, buffer))
         return rows
@@ -168,6 +185,7 @@ def _chunk_rows(run: RowKernel, part: NDArray[Any], stamp: I64, buffer: I32) -> 
     """Row lengths and cells of ``part``, in as many pieces as the buffer needs."""
     pieces, done = [], 0
     while done < len(part):
+        stamp.fill(-1)  # an owner that did not fit has left its mark and begins anew
         offset = np.zeros(len(part) - done + 1, dtype=np.int64)
         n = run(part[done:], done, stamp, buffer, offset)
         if n == 0:
@@ -177,7 +195,8 @@ def _chunk_rows(run: RowKernel, part: NDArray[Any], stamp: I64, buffer: I32) -> 
     return pieces
 
 
-def _transpose(offset: I64, cells: I32, n_cells: int, without: I32) -> tuple[I64, NDArray[Any]]:
+def transposed(offset: I64, cells: I32, n_cells: int, without: I32) -> tuple[I64, NDArray[Any]]:
+    """Cell -> owners from owner -> cells: offsets (n_cells + 1,) and owners, ascending in a row; rows of ``without`` are empty."""
     counts = np.zeros(n_cells, dtype=np.int64)
     count_rows(cells, counts)
     row_offset = np.concatenate([[0], np.cumsum(counts)])
@@ -212,6 +231,7 @@ class BlockedCounts:
         self._table = table
         self.node = np.zeros(n_neurons, dtype=np.int32)
         self.edge = np.zeros(n_edges, dtype=np.int32)
+        self.near = NearCounts(table.layers, n_neurons, n_edges)
         self.cells: I32 = np.empty(0, dtype=np.int32)
 
     def set_cells(self, cells: I32) -> tuple[I32, I32]:
@@ -221,6 +241,7 @@ class BlockedCounts:
         rows = (t.node_offset, t.node_owner, self.node, t.edge_offset, t.edge_owner, self.edge)
         n_appeared, n_gone = change_counts(self.cells, cells, *rows, appeared, gone)
         self.cells = cells
+        self.near.change(appeared[:n_appeared], gone[:n_gone])
         return appeared[:n_appeared], gone[:n_gone]
 
     @property
@@ -231,6 +252,6 @@ class BlockedCounts:
     def without(self, cells: I32) -> BlockedCounts:
         """A copy in which ``cells`` (a subset of the occupied ones) count as empty."""
         copy = BlockedCounts(self._table, 0, 0)
-        copy.node, copy.edge, copy.cells = self.node.copy(), self.edge.copy(), self.cells
+        copy.node, copy.edge, copy.near, copy.cells = self.node.copy(), self.edge.copy(), self.near.copy(), self.cells
         copy.set_cells(np.setdiff1d(self.cells, cells, assume_unique=True))
         return copy

@@ -12,6 +12,7 @@ from common.robot.trajectory import JointTrajectory
 from services.planner.core.check import ASTRAY_M, TOUCH_M, HandReach
 from services.planner.core.find import PathFinder, Pieces, Rules
 from services.planner.core.found import FoundPath, NotFound
+from services.planner.core.separation import Caps, Separation
 from services.planner.core.smoothing import candidates
 from services.planner.core.timing import Limits, time_blends, time_curve, time_polyline
 from services.planner.core.way_out import route_of
@@ -99,8 +100,18 @@ class Stopwatch:
 class MotionPlanner:
     """Answers questions on one roadmap. One per thread."""
 
-    def __init__(self, finder: PathFinder, limits: Limits, hand: HandReach, joint_range: tuple[F64, F64], *, shortcut_checks: int) -> None:
+    def __init__(
+        self,
+        finder: PathFinder,
+        limits: Limits,
+        hand: HandReach,
+        joint_range: tuple[F64, F64],
+        *,
+        shortcut_checks: int,
+        separation: Separation | None = None,
+    ) -> None:
         self.finder = finder
+        self._separation = separation
         self.joint_range = joint_range
         self.checker = finder.checker
         self._limits = limits
@@ -198,7 +209,7 @@ class MotionPlanner:
         piece = 0
         for corners in (path, raw):
             began = watch.clock_ns()
-            polyline = time_polyline(corners, limits, velocity)
+            polyline = time_polyline(corners, limits, velocity, self._caps(world, ask))
             began = watch.add("time", began)
             if polyline is None:
                 return NotFound("no_path", "the arm is too fast to leave its way here")
@@ -221,7 +232,7 @@ class MotionPlanner:
             began = watch.add("smooth", began)
             if blocked >= 0:
                 return _Blocked(int(pieces.origin[blocked]))
-            timed = time_blends(pieces.q_rad, reach, limits, velocity)
+            timed = time_blends(pieces.q_rad, reach, limits, velocity, self._caps(world, ask))
             began = watch.add("time", began)
             if timed is None:
                 continue
@@ -232,6 +243,10 @@ class MotionPlanner:
                 n_stops = int(np.count_nonzero(reach[1:-1] == 0.0))
                 return Motion(timed.curve, found, f"blends {share:g}, {n_stops} stops", _length(timed.curve), n_stops > 0)
         return None
+
+    def _caps(self, world: World, ask: Ask) -> Caps | None:
+        """How fast the arm may pass the cells; the paper's rules know no such thing."""
+        return None if self._separation is None or ask.rules == "paper" else self._separation.caps(world)
 
     def _smoothed_by_the_paper(
         self, world: World, ask: Ask, found: FoundPath, pieces: Pieces, velocity: F64 | None, limits: Limits, watch: Stopwatch

@@ -139,6 +139,13 @@ class Reflex:
         """Sequence number of the newest frame."""
         return self._voxels_seq
 
+    def clearance_m(self, now_s: float) -> float | None:
+        """Distance from the arm, where it is told to be, to all that is seen and to the static layer; None while that is not known."""
+        if self._arm is None or now_s - self._seen_s > self._config.replan.stale_s:
+            return None
+        distance_m = self.checker.clearance(self.vision.seen, self._arm.q_reference_rad)
+        return distance_m if np.isfinite(distance_m) else None
+
     def _act(self, now_s: float, arm: ArmState) -> None:
         if self.underway.sent is not None:
             from_s = max(0.0, self.underway.time_s(arm, now_s))

@@ -12,8 +12,9 @@ from common.robot.braking import brake_along
 from common.robot.curves import cut
 from common.robot.rates import largest_rates
 from common.robot.trajectory import JointTrajectory
+from services.planner.core.separation import Caps
 from services.planner.core.smoothing import Nurbs
-from services.planner.kernels.blends import sample_blends, sample_count
+from services.planner.kernels.blends import LINE_STEP_RAD, sample_blends, sample_count
 from services.planner.kernels.timing import fastest_profile
 
 __all__ = ["Limits", "Timed", "brake", "limit_ratio", "time_blends", "time_curve", "time_polyline"]
@@ -63,14 +64,15 @@ def time_curve(curve: Nurbs, limits: Limits, velocity_start: F64 | None = None) 
     n = int(np.clip(np.ceil(length / GRID_STEP_RAD), GRID_POINTS_MIN, GRID_POINTS_MAX)) + 1
     s = np.linspace(0.0, 1.0, n)
     q, d1, d2 = curve.derivatives(s)
-    timed = _time_samples(s, q, d1, d2, d2, limits, velocity_start)
+    timed = _time_samples(s, q, d1, d2, d2, limits, velocity_start, None)
     return None if timed is None else timed.curve
 
 
-def time_blends(path_rad: F64, reach_rad: F64, limits: Limits, velocity_start: F64 | None = None) -> Timed | None:
+def time_blends(path_rad: F64, reach_rad: F64, limits: Limits, velocity_start: F64 | None = None, caps: Caps | None = None) -> Timed | None:
     """The fastest motion along a path (P, J) with rounded corners (``reach_rad`` (P,), :mod:`services.planner.kernels.blends`).
 
-    It stops at corners that are not rounded. None if it cannot be entered at ``velocity_start`` (J,) rad/s, along the first piece.
+    It stops at corners that are not rounded, and is no faster than ``caps`` allows (but for a start that is too fast for it). None if it
+    cannot be entered at ``velocity_start`` (J,) rad/s, along the first piece.
     """
     stops = np.flatnonzero(reach_rad[1:-1] <= 0.0) + 1
     parts = []
@@ -79,7 +81,7 @@ def time_blends(path_rad: F64, reach_rad: F64, limits: Limits, velocity_start: F
         n = sample_count(path, reach)
         s, (q, d1, d2, d2_before) = np.empty(n), np.empty((4, n, path.shape[1]))
         sample_blends(path, reach, s, q, d1, d2, d2_before)
-        part = _time_samples(s, q, d1, d2, d2_before, limits, velocity_start if first == 0 else None)
+        part = _time_samples(s, q, d1, d2, d2_before, limits, velocity_start if first == 0 else None, caps)
         if part is None:
             return None
         parts.append(part)
@@ -99,15 +101,27 @@ def _one_after_the_other(timed: list[Timed]) -> Timed:
     return Timed(curve, np.max([part.astray_rad for part in timed], axis=0))
 
 
-def _time_samples(s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None) -> Timed | None:
+def _time_samples(
+    s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None, caps: Caps | None
+) -> Timed | None:
     """Time at samples of a path (kernels.timing's arguments), within limits also between them."""
+    none = np.full(len(s), np.inf)
+    # To get out of a way that is blocked counts more than to be slow: a motion that caps make impossible is timed without.
+    for cap in (none,) if caps is None else (caps(s, q, d1, limits.velocity), none):
+        timed = _time_capped(s, q, d1, d2, d2_before, limits, velocity_start, cap)
+        if timed is not None:
+            return timed
+    return None
+
+
+def _time_capped(s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None, cap: F64) -> Timed | None:
     speed = 0.0
     if velocity_start is not None:
         speed = float(velocity_start @ d1[0]) / max(float(d1[0] @ d1[0]), 1e-12)
     x, upper, time = np.empty((3, len(s)))
     for factor in TIGHTEN:
         speed_limit, acceleration_limit = limits.velocity * max(factor, 0.9), limits.acceleration * factor
-        if not fastest_profile(s, d1, d2, d2_before, speed_limit, acceleration_limit, speed, x, upper, time):
+        if not fastest_profile(s, d1, d2, d2_before, speed_limit, acceleration_limit, cap, speed, x, upper, time):
             return None
         dq = d1 * np.sqrt(x)[:, None]
         dq[0] = 0.0 if velocity_start is None else velocity_start
@@ -133,8 +147,12 @@ def limit_ratio(trajectory: JointTrajectory, limits: Limits) -> float:
     return float(max((speed / limits.velocity).max(), (acceleration / limits.acceleration).max()))
 
 
-def time_polyline(path_rad: F64, limits: Limits, velocity_start: F64 | None = None) -> tuple[JointTrajectory, F64] | None:
+def time_polyline(
+    path_rad: F64, limits: Limits, velocity_start: F64 | None = None, caps: Caps | None = None
+) -> tuple[JointTrajectory, F64] | None:
     """A motion along the straight segments of ``path_rad`` (P, J) with a stop at each corner; the last resort of smoothing.
+
+    Each segment is driven no faster than the least of its ``caps`` allows.
 
     Returns:
         The motion and (P,) the times of its corners; None if it cannot be entered at ``velocity_start`` (J,).
@@ -147,7 +165,7 @@ def time_polyline(path_rad: F64, limits: Limits, velocity_start: F64 | None = No
         if np.linalg.norm(way) >= 1e-9:
             enters = velocity_start is not None and k == 0
             speed = float(velocity_start @ way) / float(way @ way) if enters else 0.0
-            knots = _along_line(way, limits, speed)
+            knots = _along_line(way, limits, speed, np.inf if caps is None else _least_cap(path_rad[k], way, limits, caps))
             if knots is None:
                 return None
             part_t, s, ds = knots
@@ -158,14 +176,20 @@ def time_polyline(path_rad: F64, limits: Limits, velocity_start: F64 | None = No
     return JointTrajectory(np.concatenate(t), np.concatenate(q), np.concatenate(dq)), corner_s
 
 
-def _along_line(way: F64, limits: Limits, speed: float) -> tuple[F64, F64, F64] | None:
+def _least_cap(q_from: F64, way: F64, limits: Limits, caps: Caps) -> float:
+    """The largest ds/dt that ``caps`` allow all along ``way`` (J,) from ``q_from`` (J,), s being the share of it."""
+    s = np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(way) / LINE_STEP_RAD))
+    return float(np.sqrt(caps(s, q_from + s[:, None] * way, np.tile(way, (len(s), 1)), limits.velocity).min()))
+
+
+def _along_line(way: F64, limits: Limits, speed: float, cap: float) -> tuple[F64, F64, F64] | None:
     """Knots (time, share s of the way, ds/dt) of the fastest motion along a straight ``way`` (J,) to rest at its end.
 
-    Accelerate, cruise, brake, each at one acceleration: pieces that the Hermite interpolant renders exactly. None: ``speed`` (ds/dt at
-    the start) is too fast to stop within the way.
+    Accelerate, cruise, brake, each at one acceleration: pieces that the Hermite interpolant renders exactly. ``cap`` bounds ds/dt. None:
+    ``speed`` (ds/dt at the start) is too fast to stop within the way.
     """
     reach = np.maximum(np.abs(way), 1e-12)
-    fastest, hardest = float(np.min(limits.velocity / reach)), float(np.min(limits.acceleration / reach))
+    fastest, hardest = min(float(np.min(limits.velocity / reach)), cap), float(np.min(limits.acceleration / reach))
     if speed * speed > 2.0 * hardest:
         return None
     peak = min(fastest, float(np.sqrt(hardest + 0.5 * speed * speed)))

@@ -9,6 +9,7 @@ from common.geometry.grid import Grid
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import World, cells_of
+from services.planner.kernels.cells import Cells
 from services.planner.kernels.neighbours import in_patches
 
 __all__ = ["PATCH_CELLS", "RECENT_S", "Vision"]
@@ -35,9 +36,11 @@ class Vision:
         self._marked = np.zeros(grid.n_cells, dtype=np.uint8)
         self.world = World.of(grid, self.counts)
         self.appeared = cells_of(grid, self.counts.cells)
+        self._seen = self.counts.cells
 
     def see(self, now_s: float, cells: I32) -> bool:
         """Take a frame's cells (C,) ascending and unique; True if anything changed."""
+        self._seen = cells
         base = np.intersect1d(cells, self._unavoidable, assume_unique=True)
         self._frames_in_reach = self._frames_in_reach + 1 if len(base) else 0
         appeared, gone = self.counts.set_cells(np.setdiff1d(cells, self._unavoidable, assume_unique=True))
@@ -49,6 +52,11 @@ class Vision:
         if changed or len(recent) != len(self.world.recent.centre_m):
             self.world = World.of(self.grid, self.counts, recent)
         return changed
+
+    @property
+    def seen(self) -> Cells:
+        """All that the last frame shows, cells that no path can avoid among them."""
+        return cells_of(self.grid, self._seen)
 
     def take(self, roadmap: Roadmap, counts: BlockedCounts) -> None:
         """The map has grown: from now on ``counts`` on ``roadmap``, set to the cells that were live on the old one.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from services.planner.kernels.search import NOT_FOUND, pop, push
+from services.planner.kernels.search import NOT_FOUND, pop, push, surcharged
 
 __all__ = ["both_ends"]
 
@@ -23,6 +23,7 @@ def both_ends(  # type: ignore[no-untyped-def]
     adj_length,
     node_count,
     edge_count,
+    near,
     starts,
     start_cost,
     goals,
@@ -59,8 +60,10 @@ def both_ends(  # type: ignore[no-untyped-def]
         settled += 1
         for i in range(adj_offset[n], adj_offset[n + 1]):
             m = adj_node[i]
-            through = key + adj_length[i]
-            if node_count[m] > 0 or edge_count[adj_edge[i]] > 0 or through >= cost[side, m]:
+            if node_count[m] > 0 or edge_count[adj_edge[i]] > 0 or key + adj_length[i] >= cost[side, m]:
+                continue
+            through = key + surcharged(adj_length[i], near, n, m, adj_edge[i])
+            if through >= cost[side, m]:
                 continue
             cost[side, m] = through
             parent[side, m] = n

@@ -14,7 +14,7 @@ from numba import njit
 
 from services.planner.kernels.way import line_is_free, parabola_is_free
 
-__all__ = ["fit_blends", "sample_blends", "sample_count"]
+__all__ = ["LINE_STEP_RAD", "fit_blends", "sample_blends", "sample_count"]
 
 SHARE_INSIDE = 0.5  # of a piece between two corners: what each of them may use
 SHARE_AT_END = 0.95  # of the first and the last piece; some of the line stays, so that the ends' direction is the line's

@@ -1,4 +1,4 @@
-"""Occupied cells as the checks see them: neighbours together, so that most are ruled out sixteen at a time."""
+"""Occupied cells as the checks see them: neighbours together, so that most are ruled out sixteen at a time, or sixteen times sixteen."""
 
 from __future__ import annotations
 
@@ -9,19 +9,21 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-__all__ = ["BLOCK", "Cells", "arrange_cells"]
+__all__ = ["BLOCK", "GROUP", "Cells", "arrange_cells"]
 
 F64 = NDArray[np.float64]
 
 BLOCK = 16  # cells that share a bounding sphere; our choice
+GROUP = 16  # blocks that share one
 
 
 class Cells(NamedTuple):
-    """Occupied cells in Morton order, with a bounding sphere for every ``BLOCK`` of them."""
+    """Occupied cells in Morton order, with a bounding sphere for every ``BLOCK`` of them and for every ``GROUP`` of blocks."""
 
     flat: NDArray[np.int32]  # (C,) indices in the grid
     centre_m: F64  # (C, 3)
     block_m: F64  # (ceil(C / BLOCK), 4) centre and radius that contain the blocks' centres
+    group_m: F64  # (ceil(C / BLOCK / GROUP), 4) centre and radius that contain the same centres, of GROUP blocks
     half_m: float  # half the edge of a cell
 
 
@@ -35,8 +37,8 @@ def _spread(n):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def arrange_cells(cells, origin_m, shape, resolution_m, flat, centre_m, block_m):  # type: ignore[no-untyped-def]
-    """Fill ``flat``, ``centre_m`` and ``block_m`` of :class:`Cells` from flat indices ``cells`` (C,) in any order."""
+def arrange_cells(cells, origin_m, shape, resolution_m, flat, centre_m, block_m, group_m):  # type: ignore[no-untyped-def]
+    """Fill ``flat``, ``centre_m``, ``block_m`` and ``group_m`` of :class:`Cells` from flat indices ``cells`` (C,) in any order."""
     ny, nz = shape[1], shape[2]
     code = np.empty(len(cells), dtype=np.int64)
     for i in range(len(cells)):
@@ -49,23 +51,24 @@ def arrange_cells(cells, origin_m, shape, resolution_m, flat, centre_m, block_m)
         centre_m[i, 0] = origin_m[0] + (cell // (nz * ny) + 0.5) * resolution_m
         centre_m[i, 1] = origin_m[1] + ((cell // nz) % ny + 0.5) * resolution_m
         centre_m[i, 2] = origin_m[2] + (cell % nz + 0.5) * resolution_m
-    _bound_blocks(centre_m, block_m)
+    _bound_runs(centre_m, BLOCK, block_m)
+    _bound_runs(centre_m, BLOCK * GROUP, group_m)
 
 
 @njit(cache=True, nogil=True)
-def _bound_blocks(centre_m, block_m):  # type: ignore[no-untyped-def]
-    """Fill ``block_m`` (n, 4) with bounding spheres of each ``BLOCK`` rows of ``centre_m`` (C, 3)."""
-    for k in range(len(block_m)):
-        first, last = k * BLOCK, min((k + 1) * BLOCK, len(centre_m))
+def _bound_runs(centre_m, run, bound_m):  # type: ignore[no-untyped-def]
+    """Fill ``bound_m`` (n, 4) with bounding spheres of each ``run`` rows of ``centre_m`` (C, 3)."""
+    for k in range(len(bound_m)):
+        first, last = k * run, min((k + 1) * run, len(centre_m))
         for axis in range(3):
             low, high = centre_m[first, axis], centre_m[first, axis]
             for i in range(first + 1, last):
                 low, high = min(low, centre_m[i, axis]), max(high, centre_m[i, axis])
-            block_m[k, axis] = (low + high) / 2.0
+            bound_m[k, axis] = (low + high) / 2.0
         radius2 = 0.0
         for i in range(first, last):
             d2 = 0.0
             for axis in range(3):
-                d2 += (centre_m[i, axis] - block_m[k, axis]) ** 2
+                d2 += (centre_m[i, axis] - bound_m[k, axis]) ** 2
             radius2 = max(radius2, d2)
-        block_m[k, 3] = math.sqrt(radius2)
+        bound_m[k, 3] = math.sqrt(radius2)

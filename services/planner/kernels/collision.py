@@ -4,7 +4,7 @@ Table, edges, connections, curves, repairs, stops and training motions all end h
 how much it may change until its answer could: along a way most are not asked again (:class:`Slack`).
 
 * **cells**: a cell blocks a pose if any of its points may be nearer to a moving body than the safety distance. The cell is a cube; where
-  its ball decides, no more is looked at, else its eight octants are.
+  its ball decides, no more is looked at, else its eight octants are, and where an octant's ball leaves it open, the octant's eight parts.
 * **static layer**: boxes, spheres and cylinders by their exact distance to the spheres that cover a body.
 * **self**: spheres of one body in the distance grid of the other.
 
@@ -21,9 +21,9 @@ from numba import njit
 from numpy.typing import NDArray
 
 from common.robot.body_distance import cover_distance, pair_distance, to_world
-from common.robot.kernels import FAR, BodyGrids, Chain, body_grid, forward_kinematics, look_up, to_joint_frame
+from common.robot.kernels import FAR, BodyGrids, Chain, body_grid, forward_kinematics, look_near, look_up, to_joint_frame
 from common.robot.pair_tables import PairTables, table_distance
-from services.planner.kernels.cells import BLOCK
+from services.planner.kernels.cells import BLOCK, GROUP
 from services.planner.kernels.static_layer import body_static_gap
 
 __all__ = [
@@ -67,7 +67,7 @@ class Arm(NamedTuple):
     pairs: I64  # (P, 2) bodies that can touch one another
     pair_tables: PairTables  # distances of those of them that are two joints apart
     static_margin_m: float  # kept from exact static shapes
-    self_margin_m: float  # kept between bodies of the arm
+    pair_margin_m: F64  # (P,) kept between the two bodies
     lever_m: F64  # (B, J) farthest that any point of a body moves, in metres per radian of a joint, in any pose
     pair_lever_m: F64  # (P, J) the same for one body of a pair as seen from the other
 
@@ -85,77 +85,103 @@ def cell_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # t
     """Whether the cube around (x, y, z), given in the body's frame, may come within ``safety_m`` of a body.
 
     ``distance, grid``: as for :func:`common.robot.kernels.look_up`. ``rotation`` (3, 3) is the frame's; its rows are the world axes, along
-    which the cube lies. Never false when it truly does; when true, the cube is within ``safety_m`` + a quarter of its diagonal + rounding
+    which the cube lies. Never false when it truly does; when true, the cube is within ``safety_m`` + an eighth of its diagonal + rounding
     of the distance grid.
     """
-    centre = look_up(distance, grid, x, y, z)
+    if look_up(distance, grid, x, y, z) > safety_m + half_m * ROOT3:
+        return False
+    return _cube_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m)
+
+
+@njit(cache=True, nogil=True)
+def _cube_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ignore[no-untyped-def]
+    """:func:`cell_touches_body` where the first look does not rule it out: the cube's ball, its octants' balls, theirs."""
+    centre = look_near(distance, grid, x, y, z)
     if centre > safety_m + half_m * ROOT3:
         return False
     if centre <= safety_m + half_m:
         return True
-    quarter = 0.5 * half_m
-    limit = safety_m + quarter * ROOT3
     for octant in range(8):
-        sx = quarter if octant & 1 else -quarter
-        sy = quarter if octant & 2 else -quarter
-        sz = quarter if octant & 4 else -quarter
-        ox = x + sx * rotation[0, 0] + sy * rotation[1, 0] + sz * rotation[2, 0]
-        oy = y + sx * rotation[0, 1] + sy * rotation[1, 1] + sz * rotation[2, 1]
-        oz = z + sx * rotation[0, 2] + sy * rotation[1, 2] + sz * rotation[2, 2]
-        if look_up(distance, grid, ox, oy, oz) <= limit:
+        ox, oy, oz = _octant_middle(rotation, x, y, z, 0.5 * half_m, octant)
+        middle = look_near(distance, grid, ox, oy, oz)
+        if middle > safety_m + 0.5 * half_m * ROOT3:
+            continue
+        if middle <= safety_m + 0.5 * half_m:
             return True
+        for part in range(8):
+            px, py, pz = _octant_middle(rotation, ox, oy, oz, 0.25 * half_m, part)
+            if look_near(distance, grid, px, py, pz) <= safety_m + 0.25 * half_m * ROOT3:
+                return True
     return False
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _octant_middle(rotation, x, y, z, step_m, octant):  # type: ignore[no-untyped-def]
+    """``step_m`` along each world axis from (x, y, z), in the body's frame; the bits of ``octant`` say which way."""
+    sx = step_m if octant & 1 else -step_m
+    sy = step_m if octant & 2 else -step_m
+    sz = step_m if octant & 4 else -step_m
+    return (
+        x + sx * rotation[0, 0] + sy * rotation[1, 0] + sz * rotation[2, 0],
+        y + sx * rotation[0, 1] + sy * rotation[1, 1] + sz * rotation[2, 1],
+        z + sx * rotation[0, 2] + sy * rotation[1, 2] + sz * rotation[2, 2],
+    )
+
+
 @njit(cache=True, nogil=True)
-def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-untyped-def]
+def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-untyped-def]  # noqa: PLR0912  one search, no parts
     """``(cell, gap)``: a cell that blocks body ``b``, or -1 and how far the body may move until one could (a lower bound, in metres).
 
     ``turn`` (3, 3), ``shift`` (3,): the body's frame. Where ``safety_m`` is more than the distance grids can tell, the spheres that cover
     the body answer.
     """
     grids = arm.grids
-    distance, centre, block, half_m = grids.distance, cells.centre_m, cells.block_m, cells.half_m
+    distance, centre, block, group, half_m = grids.distance, cells.centre_m, cells.block_m, cells.group_m, cells.half_m
     reach = safety_m + half_m * ROOT3
     beyond_grids = reach > FAR
     grid = body_grid(grids, b)
     bx, by, bz = to_world(turn, shift, grids.bound_centre_m, b)
     around = grids.bound_radius_m[b] + reach
     gap = np.inf
-    for k in range(len(block)):
-        dx, dy, dz = block[k, 0] - bx, block[k, 1] - by, block[k, 2] - bz
-        least = around + block[k, 3] + gap
+    for g in range(len(group)):
+        dx, dy, dz = group[g, 0] - bx, group[g, 1] - by, group[g, 2] - bz
+        least = around + group[g, 3] + gap
         if dx * dx + dy * dy + dz * dz >= least * least:  # farther than what was found already
             continue
-        for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
-            cx, cy, cz = to_world(turn, shift, grids.part_m, p)
-            near = grids.part_m[p, 3] + reach
-            dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
-            apart2, least = dx * dx + dy * dy + dz * dz, near + block[k, 3] + gap
-            if apart2 >= least * least:
+        for k in range(g * GROUP, min((g + 1) * GROUP, len(block))):
+            dx, dy, dz = block[k, 0] - bx, block[k, 1] - by, block[k, 2] - bz
+            least = around + block[k, 3] + gap
+            if dx * dx + dy * dy + dz * dz >= least * least:
                 continue
-            room = math.sqrt(apart2) - near - block[k, 3]
-            if room > 0.0:
-                gap = room
-                continue
-            for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
-                x, y, z = centre[i, 0], centre[i, 1], centre[i, 2]
-                dx, dy, dz = x - cx, y - cy, z - cz
-                apart2, least = dx * dx + dy * dy + dz * dz, near + gap
+            for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
+                cx, cy, cz = to_world(turn, shift, grids.part_m, p)
+                near = grids.part_m[p, 3] + reach
+                dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
+                apart2, least = dx * dx + dy * dy + dz * dz, near + block[k, 3] + gap
                 if apart2 >= least * least:
                     continue
-                room = math.sqrt(apart2) - near
-                if room <= 0.0:
-                    x, y, z = to_joint_frame(turn, shift, x, y, z)
-                    if beyond_grids:
-                        room = cover_distance(grids, b, x, y, z, reach + COVER_LOOK_M) - reach
-                        touches = room <= 0.0
-                    else:
-                        room = look_up(distance, grid, x, y, z) - reach
-                        touches = room <= 0.0 and cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m)
-                    if touches:
-                        return i, 0.0
-                gap = min(gap, max(room, 0.0))
+                room = math.sqrt(apart2) - near - block[k, 3]
+                if room > 0.0:
+                    gap = room
+                    continue
+                for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
+                    x, y, z = centre[i, 0], centre[i, 1], centre[i, 2]
+                    dx, dy, dz = x - cx, y - cy, z - cz
+                    apart2, least = dx * dx + dy * dy + dz * dz, near + gap
+                    if apart2 >= least * least:
+                        continue
+                    room = math.sqrt(apart2) - near
+                    if room <= 0.0:
+                        x, y, z = to_joint_frame(turn, shift, x, y, z)
+                        if beyond_grids:
+                            room = cover_distance(grids, b, x, y, z, reach + COVER_LOOK_M) - reach
+                            touches = room <= 0.0
+                        else:
+                            room = look_up(distance, grid, x, y, z) - reach
+                            touches = room <= 0.0 and cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m)
+                        if touches:
+                            return i, 0.0
+                    gap = min(gap, max(room, 0.0))
     return -1, gap
 
 
@@ -191,13 +217,13 @@ def cells_that_hit(arm, cells, safety_m, rotation, translation, hit):  # type: i
 def pair_gap(arm, p, rotation, translation):  # type: ignore[no-untyped-def]
     """How far pair ``p``'s bodies may move against one another until they could touch (a lower bound, in metres); zero or less: now."""
     grids, a, b = arm.grids, arm.pairs[p, 0], arm.pairs[p, 1]
-    return pair_distance(grids, a, b, rotation, translation, arm.self_margin_m + PAIR_FINE_M) - arm.self_margin_m
+    return pair_distance(grids, a, b, rotation, translation, arm.pair_margin_m[p] + PAIR_FINE_M) - arm.pair_margin_m[p]
 
 
 @njit(cache=True, nogil=True, inline="always")
 def tabled_gap(arm, p, q_rad):  # type: ignore[no-untyped-def]
     """:func:`pair_gap` by the table, without any frame; zero or less: the table cannot tell, or pair ``p`` has none."""
-    return table_distance(arm.pair_tables, p, q_rad) - arm.self_margin_m if arm.pair_tables.table[p] >= 0 else 0.0
+    return table_distance(arm.pair_tables, p, q_rad) - arm.pair_margin_m[p] if arm.pair_tables.table[p] >= 0 else 0.0
 
 
 @njit(cache=True, nogil=True)

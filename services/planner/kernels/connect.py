@@ -83,7 +83,7 @@ class Scratch(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def best_way(kind, graph, node_count, edge_count, start, start_cost, goal, goal_cost, q_goal, scratch):  # type: ignore[no-untyped-def]
+def best_way(kind, graph, node_count, edge_count, near, start, start_cost, goal, goal_cost, q_goal, scratch):  # type: ignore[no-untyped-def]
     """Number of neurons in ``scratch.path`` from any of ``start`` to any of ``goal`` at these joining costs, or ``NOT_FOUND``."""
     g, s = graph, scratch
     if kind == WAVEFRONT:
@@ -94,12 +94,12 @@ def best_way(kind, graph, node_count, edge_count, start, start_cost, goal, goal_
         return n
     if kind == BIDIRECTIONAL:
         n, _, _ = both_ends(
-            g.adj_offset, g.adj_node, g.adj_edge, g.adj_length, node_count, edge_count,
+            g.adj_offset, g.adj_node, g.adj_edge, g.adj_length, node_count, edge_count, near,
             start, start_cost, goal, goal_cost, s.cost, s.parent, s.heap_key, s.heap_node, s.path,
         )  # fmt: skip
         return n
     n, _, _ = best_first(
-        g.neurons_rad, g.adj_offset, g.adj_node, g.adj_edge, g.adj_length, node_count, edge_count,
+        g.neurons_rad, g.adj_offset, g.adj_node, g.adj_edge, g.adj_length, node_count, edge_count, near,
         start, start_cost, goal, goal_cost, q_goal, kind == ASTAR, s.cost[0], s.parent[0], s.heap_key[0], s.heap_node[0], s.path,
     )  # fmt: skip
     return n
@@ -125,12 +125,12 @@ def _joins(arm, solids, cells, safety_m, step_m, graph, q_end, end, k, ends):  #
 
 
 @njit(cache=True, nogil=True)
-def connect(kind, graph, node_count, edge_count, arm, solids, cells, safety_m, step_m, q_start, q_goal, ends, scratch):  # type: ignore[no-untyped-def]
+def connect(kind, graph, node_count, edge_count, near, arm, solids, cells, safety_m, step_m, q_start, q_goal, ends, scratch):  # type: ignore[no-untyped-def]
     """Number of neurons in ``scratch.path`` of the best way whose two connections are free, or ``NOT_FOUND``."""
     for _ in range(SEARCHES):
         n_start, n_goal = ends.n[START], ends.n[GOAL]
         n = best_way(
-            kind, graph, node_count, edge_count, ends.neuron[START, :n_start], ends.cost[START, :n_start],
+            kind, graph, node_count, edge_count, near, ends.neuron[START, :n_start], ends.cost[START, :n_start],
             ends.neuron[GOAL, :n_goal], ends.cost[GOAL, :n_goal], q_goal, scratch,
         )  # fmt: skip
         if n == NOT_FOUND:
@@ -160,12 +160,12 @@ def _settle(arm, solids, cells, safety_m, step_m, graph, q_end, end, ends):  # t
 
 
 @njit(cache=True, nogil=True)
-def ask_map(kind, graph, node_count, edge_count, arm, solids, cells, safety_m, step_m, q_start, q_goal, ends, scratch):  # type: ignore[no-untyped-def]
+def ask_map(kind, graph, node_count, edge_count, near, arm, solids, cells, safety_m, step_m, q_start, q_goal, ends, scratch):  # type: ignore[no-untyped-def]
     """The whole question.
 
     Args:
         kind: DIJKSTRA, ASTAR, WAVEFRONT or BIDIRECTIONAL.
-        graph: the map. node_count (N,), edge_count (M,): blocked while above zero.
+        graph: the map. node_count (N,), edge_count (M,): blocked while above zero. near: what nearness costs.
         arm, solids, cells, safety_m, step_m: as for the checks.
         q_start, q_goal: (J,) rad.
         ends: filled here, for questions that go on from there.
@@ -184,5 +184,5 @@ def ask_map(kind, graph, node_count, edge_count, arm, solids, cells, safety_m, s
     if line_is_free(arm, solids, cells, safety_m, step_m, q_start, q_goal):
         return DIRECT, 0, FREE, -1
     join_ends(graph, node_count, q_start, q_goal, ends)
-    n = connect(kind, graph, node_count, edge_count, arm, solids, cells, safety_m, step_m, q_start, q_goal, ends, scratch)
+    n = connect(kind, graph, node_count, edge_count, near, arm, solids, cells, safety_m, step_m, q_start, q_goal, ends, scratch)
     return (NO_WAY, 0, FREE, -1) if n == NOT_FOUND else (FOUND, n, FREE, -1)

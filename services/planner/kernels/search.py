@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-__all__ = ["NOT_FOUND", "best_first", "breadth_first", "pop", "push"]
+__all__ = ["NOT_FOUND", "best_first", "breadth_first", "pop", "push", "surcharged"]
 
 NOT_FOUND = -1
 
@@ -59,6 +59,18 @@ def _distance(a, i, q):  # type: ignore[no-untyped-def]
     return math.sqrt(total)
 
 
+@njit(cache=True, nogil=True, inline="always")
+def surcharged(length, near, n, m, edge):  # type: ignore[no-untyped-def]
+    """Cost of an edge of ``length`` between neurons ``n`` and ``m``: more in the band of the nearest thing to any of the three.
+
+    ``near``: :class:`services.planner.core.layer_table.Near`. Never less than the length, so A*'s bound stays admissible.
+    """
+    for k in range(len(near.surcharge)):
+        if near.node[n, k] > 0 or near.node[m, k] > 0 or near.edge[edge, k] > 0:
+            return length * (1.0 + near.surcharge[k])
+    return length
+
+
 @njit(cache=True, nogil=True)
 def best_first(  # type: ignore[no-untyped-def]
     neurons,
@@ -68,6 +80,7 @@ def best_first(  # type: ignore[no-untyped-def]
     adj_length,
     node_count,
     edge_count,
+    near,
     starts,
     start_cost,
     goals,
@@ -86,6 +99,7 @@ def best_first(  # type: ignore[no-untyped-def]
         neurons: (N, J) for A*'s bound, the straight distance to ``q_goal`` (J,): admissible, since edges are at least that long.
         adj_offset, adj_node, adj_edge, adj_length: adjacency in rows.
         node_count, edge_count: blocked while above zero.
+        near: what is near neurons and edges, and what that costs (:func:`surcharged`).
         starts, start_cost: (S,) neurons joined to the start, and the length of that join; likewise goals. Infinite cost: not to be used.
         cost, parent: (N,) scratch. heap_key, heap_node: scratch, at least S + 2 M + N long.
         path: (N,) int32 out: neurons from start to goal.
@@ -120,7 +134,9 @@ def best_first(  # type: ignore[no-untyped-def]
             m = adj_node[i]
             if node_count[m] > 0 or edge_count[adj_edge[i]] > 0:
                 continue
-            through = cost[n] + adj_length[i]
+            if cost[n] + adj_length[i] >= cost[m]:
+                continue
+            through = cost[n] + surcharged(adj_length[i], near, n, m, adj_edge[i])
             if through < cost[m]:
                 cost[m] = through
                 parent[m] = n

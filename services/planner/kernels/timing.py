@@ -60,13 +60,29 @@ def _x_max(d1, d2, velocity, acceleration):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def fastest_profile(s, d1, d2, d2_before, velocity, acceleration, speed_start, x, upper, time):  # type: ignore[no-untyped-def]
+def _soften(s, d1, d2, d2_before, acceleration, speed_start, cap, soft):  # type: ignore[no-untyped-def]
+    """Fill ``soft`` (N,) with ``cap`` (N,), raised where the motion that brakes as hard as it can from the start is still above it."""
+    soft[:] = cap
+    x = speed_start * speed_start
+    for i in range(len(s)):
+        if x <= cap[i]:
+            return
+        soft[i] = x * (1.0 + 1e-6)
+        if i + 1 < len(s):
+            delta = s[i + 1] - s[i]
+            low, _, _, _ = _bounds_of_u(x, d1[i], d2[i], d1[i + 1], d2_before[i + 1], acceleration, delta, np.inf)
+            x = max(x + 2.0 * delta * low, 0.0)
+
+
+@njit(cache=True, nogil=True)
+def fastest_profile(s, d1, d2, d2_before, velocity, acceleration, cap, speed_start, x, upper, time):  # type: ignore[no-untyped-def]
     """Squared path speed and time at grid points of the fastest motion that starts at ``speed_start`` and ends at rest.
 
     Args:
         s: (N,) increasing path parameters. d1, d2: (N, J) derivatives of the path by s; ``d2_before`` (N, J): the second one just before
             each point, for paths on which it jumps.
         velocity, acceleration: (J,) limits.
+        cap: (N,) bounds of (ds/dt)^2 besides; infinite: none. A start that is above is braked as hard as the limits allow.
         speed_start: ds/dt at the first grid point.
         x, time: (N,) out. upper: (N,) scratch, on return the largest controllable x.
 
@@ -74,10 +90,11 @@ def fastest_profile(s, d1, d2, d2_before, velocity, acceleration, speed_start, x
         True; False when the start is too fast for what follows.
     """
     n = len(s)
+    _soften(s, d1, d2, d2_before, acceleration, speed_start, cap, x)
     upper[n - 1] = 0.0
     for i in range(n - 2, -1, -1):
         delta = s[i + 1] - s[i]
-        x_try = _x_max(d1[i], d2[i], velocity, acceleration)
+        x_try = min(_x_max(d1[i], d2[i], velocity, acceleration), x[i])
         # The feasible interval of u shrinks concavely with x: follow the two active lines to where they meet.
         for _ in range(50):
             low, low_slope, high, high_slope = _bounds_of_u(

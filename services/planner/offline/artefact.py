@@ -23,7 +23,7 @@ from common.errors import ArtefactError
 
 __all__ = ["VERSION", "Artefact", "read", "write"]
 
-VERSION = 1  # raise when the meaning of an array changes
+VERSION = 2  # raise when the meaning of an array changes; 2: layers of clearance
 MAGIC = b"tolman\x00\x01"
 DIGEST_BYTES = 32  # SHA-256
 PREFIX_BYTES = len(MAGIC) + DIGEST_BYTES + 8  # what stands before the header

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import hashlib
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
@@ -23,24 +23,26 @@ from common.errors import ArtefactError
 from common.robot.model import cache_dir
 from services.planner.config import PlannerConfig
 from services.planner.core.cognitive_map import CognitiveMap, statistics
+from services.planner.core.layer_table import NO_LAYERS, LayerTable
 from services.planner.core.lookup import LookupTable
 from services.planner.offline import artefact
 from services.planner.offline.config import MapConfig
 from services.planner.offline.extend import extend, refuse_lattice, samples_to_extend_by
-from services.planner.offline.finishing import CheckedMap, prune_grown, table_of
+from services.planner.offline.finishing import CheckedMap, layer_rules, prune_grown, table_of
 from services.planner.offline.growth import grow, model_of, parameters_of
-from services.planner.offline.motion_store import MotionOrder, make_motions, read_recorded
+from services.planner.offline.motion_store import MotionOrder, Order, make_motions, read_recorded
 from services.planner.offline.motions import Samples, resample
+from services.planner.offline.problem_motions import ProblemOrder, TrainingProblem
 from services.planner.offline.scene import Scene
 
-__all__ = ["STAGES", "Built", "Job", "load", "load_or_build", "run"]
+__all__ = ["STAGES", "Built", "Job", "load", "load_file", "load_or_build", "run"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 Progress = Callable[[str, float], None]  # stage, share done 0..1
 
 STAGES = ("motions", "map", "prune", "table", "write")
-RULES_VERSION = 3  # raise when the same config would give another map
+RULES_VERSION = 4  # raise when the same config would give another map
 
 
 def _silent(stage: str, share: float) -> None:
@@ -67,6 +69,7 @@ class Built:
 class Job:
     """What is to be built: for which cell, with which config, from which recorded motions ((K, J) each) besides the made ones.
 
+    With ``problems`` the made motions are those of :mod:`services.planner.offline.problem_motions` instead of the cell's reaching motions.
     ``extension``: motions by which the trained map is extended afterwards; none: it is not.
     """
 
@@ -75,6 +78,7 @@ class Job:
     scene: Scene
     recorded: tuple[F64, ...]
     cache: Path
+    problems: tuple[TrainingProblem, ...] = ()
     extension: tuple[F64, ...] = ()
 
     @staticmethod
@@ -111,17 +115,32 @@ class Job:
 
     @property
     def motions_fingerprint(self) -> str:
-        """Of all that the made motions depend on."""
+        """Of all that the made motions depend on, their problems aside."""
+        if self.problems:
+            made = msgspec.structs.replace(self.config.problems, n_workers=1, n_neurons=4, n_samples=1)
+            return _digest(self.scene.robot.fingerprint, self.scene.grid.fingerprint, made, self.config.margins)
         motions = msgspec.structs.replace(self.config.motions, n_workers=1)
         return _digest(self.scene.robot.fingerprint, self.scene.grid.fingerprint, self.cell.static, motions, self.config.margins)
 
     @property
     def fingerprints(self) -> dict[str, str]:
-        """Of robot, grid, and config (static layer, motions, margins, the model and its own parameters, recorded motions, extension)."""
-        config = _digest(self.motions_fingerprint, parameters_of(self.config), self.config.model, _hashes(self.recorded))
+        """Of robot, grid, and config: static layer, motions, margins, layers, model and its parameters, recorded motions, extension."""
+        layers = [self.config.clearance.layers_m, self.config.clearance.block_m]
+        config = _digest(self.motions_fingerprint, layers, parameters_of(self.config), self.config.model, _hashes(self.recorded))
+        if self.problems:
+            config = _digest(config, self.config.problems.n_samples, [p.digest for p in self.problems])
         if self.extension:
             config = _digest(config, msgspec.structs.replace(self.config.extend, motions=[]), _hashes(self.extension))
         return {"robot": self.scene.robot.fingerprint, "grid": self.scene.grid.fingerprint, "config": config}
+
+    @property
+    def scene_fingerprints(self) -> dict[str, str]:
+        """Of robot and grid alone: what any map that is to be used here must be made for."""
+        return {name: value for name, value in self.fingerprints.items() if name != "config"}
+
+    def on(self, problems: Sequence[TrainingProblem]) -> Job:
+        """The same with other problems."""
+        return replace(self, problems=tuple(problems))
 
     @property
     def path(self) -> Path:
@@ -148,14 +167,35 @@ def load(job: Job) -> Built:
     Raises:
         ArtefactError: not there, torn, of another version, or made for something else; says which.
     """
-    kept = artefact.read(job.path, job.fingerprints)
+    return load_file(job, job.path, job.fingerprints)
+
+
+def load_file(job: Job, path: Path, fingerprints: Mapping[str, str]) -> Built:
+    """The artefact in a file, made for what ``fingerprints`` say, and with the layers that ``job`` asks for.
+
+    Raises:
+        ArtefactError: not there, torn, of another version, or made for something else; says which.
+    """
+    kept = artefact.read(path, fingerprints)
     try:
         learned = CognitiveMap(kept.arrays["neurons_rad"], kept.arrays["edges"])
-        table = LookupTable(**{name.removeprefix("table_"): array for name, array in kept.arrays.items() if name.startswith("table_")})
+        table = LookupTable(**_named(kept, "table_"), layers=_kept_layers(job, kept))
     except (KeyError, TypeError) as error:
-        raise ArtefactError(f"{job.path}: an array is missing or unknown: {error}", code="torn_artefact") from None
-    sha256 = hashlib.sha256(job.path.read_bytes()).hexdigest()
-    return Built(job.path, sha256, learned, table, dict(kept.fingerprints), dict(kept.figures), kept.arrays.get("lattice_unit"))
+        raise ArtefactError(f"{path}: an array is missing or unknown: {error}", code="torn_artefact") from None
+    sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
+    return Built(path, sha256, learned, table, dict(kept.fingerprints), dict(kept.figures), kept.arrays.get("lattice_unit"))
+
+
+def _named(kept: artefact.Artefact, prefix: str) -> dict[str, NDArray[Any]]:
+    return {name.removeprefix(prefix): array for name, array in kept.arrays.items() if name.startswith(prefix)}
+
+
+def _kept_layers(job: Job, kept: artefact.Artefact) -> LayerTable:
+    rules = layer_rules(job.scene.arm, job.scene.grid, job.config)
+    if rules is None:
+        return NO_LAYERS
+    rows = _named(kept, "layer_")
+    return rules.table((rows["node_offset"], rows["node_owner"]), (rows["edge_offset"], rows["edge_owner"]))
 
 
 def load_or_build(job: Job, progress: Progress = _silent) -> Built:
@@ -187,7 +227,7 @@ def run(job: Job, progress: Progress = _silent, *, force: bool = False) -> tuple
     with _stage("prune", progress, seconds):
         checked = prune_grown(job.scene, job.config, grown, samples.q_rad)
     with _stage("table", progress, seconds):
-        table = table_of(job.scene, checked.learned, lambda share: progress("table", share))
+        table = table_of(job.scene, job.config, checked.learned, lambda share: progress("table", share))
     with _stage("write", progress, seconds):
         figures = _figures(job, checked, samples, n_trajectories, table)
         sha256 = artefact.write(job.path, artefact.Artefact(_arrays(checked, table), job.fingerprints, figures))
@@ -217,26 +257,46 @@ def _stage(name: str, progress: Progress, seconds: dict[str, float]) -> Iterator
 
 
 def _samples(job: Job, progress: Progress, *, force: bool) -> tuple[Samples, int]:
-    order = MotionOrder(job.cell, job.config.margins, job.config.motions, job.motions_dir, job.motions_fingerprint)
+    order = _order(job)
     if force:
         for chunk in order.chunks:
             order.path(chunk).unlink(missing_ok=True)
-    paths = make_motions(order, lambda share: progress("motions", share)) + list(job.recorded)
+    made = make_motions(order, lambda share: progress("motions", share))
+    paths = [path for path in made if len(path)] + list(job.recorded)
     return resample(paths, job.config.motions.n_samples), len(paths)
 
 
+def _order(job: Job) -> Order:
+    place = job.motions_dir, job.motions_fingerprint
+    if job.problems:
+        return ProblemOrder(job.cell, job.config.margins, job.config.problems, job.problems, *place)
+    return MotionOrder(job.cell, job.config.margins, job.config.motions, *place)
+
+
 def _figures(job: Job, checked: CheckedMap, samples: Samples, n_trajectories: int, table: LookupTable) -> dict[str, Any]:
-    """A lattice also names its model and size; a file that does not is of a gas."""
+    """A lattice also names its model and size; a file that does not is of a gas. A map of problems names them."""
     lattice: dict[str, Any] = {}
     parameters = parameters_of(job.config)
     if not isinstance(parameters, MapConfig):
         n_dropped = parameters.rows * parameters.columns - checked.learned.n_neurons
         lattice = {"model": job.config.model, "rows": parameters.rows, "columns": parameters.columns, "dropped_units": n_dropped}
     figures = asdict(statistics(checked.learned, samples.q_rad))
-    return {**lattice, "trajectories": n_trajectories, "samples": len(samples.q_rad), **figures, "table_bytes": table.n_bytes}
+    if job.problems:
+        figures["problems"] = sorted(p.digest for p in job.problems)
+    return {
+        **lattice,
+        "trajectories": n_trajectories,
+        "samples": len(samples.q_rad),
+        **figures,
+        "table_bytes": table.n_bytes,
+        "layer_bytes": table.layers.n_bytes,
+    }
 
 
 def _arrays(checked: CheckedMap, table: LookupTable) -> dict[str, NDArray[Any]]:
     lattice = {} if checked.lattice_unit is None else {"lattice_unit": checked.lattice_unit}
-    rows = {f"table_{name}": getattr(table, name) for name in ("node_offset", "node_owner", "edge_offset", "edge_owner", "unavoidable")}
+    by_row = ("node_offset", "node_owner", "edge_offset", "edge_owner")
+    rows = {f"table_{name}": getattr(table, name) for name in (*by_row, "unavoidable")}
+    if table.layers.n_bands:
+        rows |= {f"layer_{name}": getattr(table.layers, name) for name in by_row}
     return {"neurons_rad": checked.learned.q_rad, "edges": checked.learned.edges, **lattice, **rows}

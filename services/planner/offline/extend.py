@@ -92,7 +92,7 @@ def extend(
     progress("prune", 0.0)
     learned = prune_grown(scene, config, grown, samples_rad, n_neurons).learned
     progress("prune", 1.0)
-    table = table_of(scene, learned, lambda share: progress("table", share))
+    table = table_of(scene, config, learned, lambda share: progress("table", share))
     figures = {
         "neurons_before": kept.n_neurons,
         "edges_before": len(kept.edges),
@@ -100,6 +100,7 @@ def extend(
         "samples": len(samples_rad),
         **asdict(statistics(learned, samples_rad)),
         "table_bytes": table.n_bytes,
+        "layer_bytes": table.layers.n_bytes,
     }
     return Extended(learned, table, figures)
 

@@ -3,21 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import TolmanError
+from common.geometry.grid import Grid
 from services.planner.config import PlannerConfig
 from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.layers import LayerRules, build_layers
 from services.planner.core.lookup import LookupTable, build_table
 from services.planner.core.world import no_cells
-from services.planner.kernels.collision import FREE
+from services.planner.kernels.collision import FREE, Arm
 from services.planner.offline.pruning import prune, prune_lattice
 from services.planner.offline.scene import Scene
 
-__all__ = ["CheckedMap", "prune_grown", "table_of"]
+__all__ = ["CheckedMap", "layer_rules", "prune_grown", "table_of"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -70,14 +72,28 @@ def prune_grown(scene: Scene, config: PlannerConfig, grown: CognitiveMap, sample
     return CheckedMap(learned)
 
 
-def table_of(scene: Scene, learned: CognitiveMap, progress: Callable[[float], None]) -> LookupTable:
-    """The lookup table of a map in its scene; ``progress`` is called with the share done."""
-    return build_table(
+def table_of(scene: Scene, config: PlannerConfig, learned: CognitiveMap, progress: Callable[[float], None]) -> LookupTable:
+    """The lookup table of a map in its scene, with its layers; ``progress`` is called with the share done."""
+    rules = layer_rules(scene.arm, scene.grid, config)
+    share = 1.0 if rules is None else 0.5
+    table = build_table(
         scene.arm,
         scene.grid,
         learned.q_rad,
         learned.edges,
         safety_m=scene.margins.safety_m,
-        step_m=scene.margins.step_m,
-        progress=lambda done, total: progress(done / total),
+        step_m=scene.margins.edge_step_m,
+        progress=lambda done, total: progress(share * done / total),
     )
+    if rules is None:
+        return table
+    layers = build_layers(rules, learned.q_rad, learned.edges, lambda done, total: progress(share + (1.0 - share) * done / total))
+    return replace(table, layers=layers)
+
+
+def layer_rules(arm: Arm, grid: Grid, config: PlannerConfig) -> LayerRules | None:
+    """The rules of the layers that the config asks for; None if for none."""
+    clearance, margins = config.clearance, config.margins
+    if not clearance.layers_m:
+        return None
+    return LayerRules.of(arm, grid, clearance.layers_m, clearance.block_m, safety_m=margins.safety_m, step_m=margins.edge_step_m)

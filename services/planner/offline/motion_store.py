@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,16 +23,51 @@ from services.planner.offline.config import MotionsConfig
 from services.planner.offline.motions import MotionMaker
 from services.planner.offline.scene import Scene
 
-__all__ = ["MotionOrder", "make_motions", "read_recorded"]
+__all__ = ["Maker", "MotionOrder", "Order", "make_motions", "read_recorded"]
 
 F64 = NDArray[np.float64]
 
 CHUNK = 30  # motions in a file; our choice: some seconds of work
 
 
+class Maker(Protocol):
+    """Makes the motion of any index."""
+
+    def motion(self, index: int) -> F64:
+        """The path (P, J) of a motion."""
+        ...
+
+
+class Order(Protocol):
+    """What is to be made, in chunks that are kept one by one; picklable for worker processes."""
+
+    @property
+    def fingerprint(self) -> str:
+        """Of all that a chunk depends on and its file's name does not say."""
+        ...
+
+    @property
+    def n_workers(self) -> int:
+        """Processes that make the motions; does not change the result."""
+        ...
+
+    @property
+    def chunks(self) -> list[range]:
+        """The indices of each chunk's motions."""
+        ...
+
+    def path(self, chunk: range) -> Path:
+        """The file of a chunk."""
+        ...
+
+    def maker(self) -> Maker:
+        """What makes the motions, with its own scratch."""
+        ...
+
+
 @dataclass(frozen=True)
 class MotionOrder:
-    """What is to be made, picklable for worker processes. ``fingerprint`` is of all that the motions depend on."""
+    """The reaching motions of a cell, by their number."""
 
     cell: CellConfig
     margins: MarginsConfig
@@ -49,8 +85,17 @@ class MotionOrder:
         """The file of a chunk."""
         return self.directory / f"motions-{chunk.start:05d}-{chunk.stop:05d}.tolman"
 
+    @property
+    def n_workers(self) -> int:
+        """Processes that make the motions."""
+        return self.config.n_workers
 
-def make_motions(order: MotionOrder, progress: Callable[[float], None]) -> list[F64]:
+    def maker(self) -> MotionMaker:
+        """What makes them."""
+        return MotionMaker(Scene.of(self.cell, self.margins), self.config)
+
+
+def make_motions(order: Order, progress: Callable[[float], None]) -> list[F64]:
     """The paths (P, J) of all motions, by index; chunks that are there already are read, the others made and kept."""
     kept = {chunk.start: _read_chunk(order, chunk) for chunk in order.chunks}
     missing = [chunk for chunk in order.chunks if kept[chunk.start] is None]
@@ -62,13 +107,13 @@ def make_motions(order: MotionOrder, progress: Callable[[float], None]) -> list[
     return [path for chunk in order.chunks for path in kept[chunk.start] or []]
 
 
-def _make(order: MotionOrder, missing: list[range]) -> Iterator[tuple[int, list[F64]]]:
+def _make(order: Order, missing: list[range]) -> Iterator[tuple[int, list[F64]]]:
     """Chunks as they get done: here if one process is enough, else in worker processes that end with this generator."""
-    n_workers = min(order.config.n_workers, len(missing))
+    n_workers = min(order.n_workers, len(missing))
     if n_workers == 0:
         return
     if n_workers == 1:
-        maker = MotionMaker(Scene.of(order.cell, order.margins), order.config)
+        maker = order.maker()
         for chunk in missing:
             yield chunk.start, _make_chunk(order, chunk, maker)
         return
@@ -83,13 +128,13 @@ def _make(order: MotionOrder, missing: list[range]) -> Iterator[tuple[int, list[
         executor.shutdown(wait=True, cancel_futures=True)
 
 
-_worker: tuple[MotionOrder, MotionMaker] | None = None  # one per worker process, made by its initializer
+_worker: tuple[Order, Maker] | None = None  # one per worker process, made by its initializer
 
 
-def _start_worker(order: MotionOrder) -> None:
+def _start_worker(order: Order) -> None:
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches the whole process group; the parent does the talking
     global _worker  # noqa: PLW0603  the executor hands nothing else to its tasks
-    _worker = (order, MotionMaker(Scene.of(order.cell, order.margins), order.config))
+    _worker = (order, order.maker())
 
 
 def _work(chunk: range) -> list[F64]:
@@ -97,14 +142,14 @@ def _work(chunk: range) -> list[F64]:
     return _make_chunk(_worker[0], chunk, _worker[1])
 
 
-def _make_chunk(order: MotionOrder, chunk: range, maker: MotionMaker) -> list[F64]:
+def _make_chunk(order: Order, chunk: range, maker: Maker) -> list[F64]:
     paths = [maker.motion(index) for index in chunk]
     arrays = {"points": np.concatenate(paths), "lengths": np.array([len(path) for path in paths], dtype=np.int64)}
     artefact.write(order.path(chunk), artefact.Artefact(arrays, {"motions": order.fingerprint}))
     return paths
 
 
-def _read_chunk(order: MotionOrder, chunk: range) -> list[F64] | None:
+def _read_chunk(order: Order, chunk: range) -> list[F64] | None:
     try:
         arrays = artefact.read(order.path(chunk), {"motions": order.fingerprint}).arrays
     except ArtefactError:

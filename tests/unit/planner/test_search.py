@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial import KDTree
 
 from services.planner.core.cognitive_map import CognitiveMap
-from services.planner.core.find import SEARCHES
+from services.planner.core.find import FREE_OF_CHARGE, SEARCHES
+from services.planner.core.layer_table import Near
 from services.planner.core.lookup import LookupTable
 from services.planner.core.roadmap import Roadmap
 from services.planner.kernels.bidirectional import both_ends
@@ -25,12 +26,12 @@ def _roadmap(n, seed):
     return Roadmap.of(learned, empty, "test")
 
 
-def _shortest(r, search, node, edge, starts, goals, q_goal):
+def _shortest(r, search, node, edge, starts, goals, q_goal, near=FREE_OF_CHARGE):
     """Path or None, its cost, neurons settled; by one of ``SEARCHES`` that finds shortest paths."""
     n, m = r.n_neurons, r.n_edges
     size = max(len(starts), len(goals)) + 2 * m + n + 1
     path = np.empty(n, dtype=np.int32)
-    graph = (r.adj_offset, r.adj_node, r.adj_edge, r.adj_length, node, edge)
+    graph = (r.adj_offset, r.adj_node, r.adj_edge, r.adj_length, node, edge, near)
     ends = [np.array(list(part), dtype=kind) for d in (starts, goals) for part, kind in ((d, np.int32), (d.values(), np.float64))]
     scratch = [np.empty((2, k), dtype=kind) for k in (n, size) for kind in (np.float64, np.int32)]
     if search == "bidirectional":
@@ -74,6 +75,37 @@ def test_costs_equal_the_slow_twin(seed, share_blocked, search, share_banned):
     walked = starts[path[0]] + goals[path[-1]] + np.linalg.norm(np.diff(r.neurons_rad[path], axis=0), axis=1).sum()
     assert walked == pytest.approx(cost, abs=1e-9)
     assert all((min(a, b), max(a, b)) in free for a, b in itertools.pairwise(path))
+
+
+def _near(r, rng, share, weights):
+    """Some neurons and edges with something in one band or another."""
+    count = [(rng.random((k, len(weights))) < share).astype(np.int32) * 3 for k in (r.n_neurons, r.n_edges)]
+    return Near(*count, np.array(weights))
+
+
+@settings(max_examples=120, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 0.4), st.sampled_from([(0.5, 0.4, 0.25), (3.0,), (2.0, 0.0)]))
+def test_all_searches_find_the_way_of_least_weighed_cost(seed, share, weights):
+    r, rng = _roadmap(80, seed), np.random.default_rng(seed)
+    node, edge = (rng.random(80) < 0.1).astype(np.int32), np.zeros(r.n_edges, dtype=np.int32)
+    near = _near(r, rng, share, weights)
+    q_goal = rng.normal(size=3)
+    starts = {int(k): float(rng.random()) for k in rng.choice(80, 6, replace=False)}
+    goals = {int(k): float(np.linalg.norm(r.neurons_rad[k] - q_goal)) for k in rng.choice(80, 6, replace=False)}
+
+    def cost_of(e, a, b):
+        bands = [k for k in range(len(weights)) if near.node[a, k] or near.node[b, k] or near.edge[e, k]]
+        return float(np.linalg.norm(r.neurons_rad[a] - r.neurons_rad[b])) * (1.0 + (weights[bands[0]] if bands else 0.0))
+
+    free = {(int(a), int(b)): cost_of(e, a, b) for e, (a, b) in enumerate(r.edges) if not (node[a] or node[b])}
+    expected = slow_dijkstra(80, free, *({k: c for k, c in joins.items() if not node[k]} for joins in (starts, goals)))
+    for search in SHORTEST:
+        path, cost, _ = _shortest(r, search, node, edge, starts, goals, q_goal, near)
+        if path is None:
+            assert expected == np.inf == cost
+            continue
+        walked = sum(free[min(a, b), max(a, b)] for a, b in itertools.pairwise(path.tolist()))
+        assert cost == pytest.approx(expected, abs=1e-9) == starts[path[0]] + goals[path[-1]] + walked
 
 
 @pytest.mark.parametrize("search", SHORTEST)

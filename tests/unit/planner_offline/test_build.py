@@ -9,7 +9,7 @@ import pytest
 
 from common.errors import ArtefactError, ConfigError
 from common.robot.taught import TaughtMotion, write_taught
-from services.planner.config import PlannerConfig
+from services.planner.config import ClearanceConfig, PlannerConfig
 from services.planner.core.lattice import lattice_edges
 from services.planner.core.world import no_cells
 from services.planner.kernels.collision import FREE
@@ -95,6 +95,19 @@ def test_what_is_kept_is_what_was_built(job: Job, built: build.Built) -> None:
     for name in ("node_offset", "node_owner", "edge_offset", "edge_owner", "unavoidable"):
         np.testing.assert_array_equal(getattr(kept.table, name), getattr(built.table, name))
         assert getattr(kept.table, name).dtype == getattr(built.table, name).dtype
+    layers, as_built = kept.table.layers, built.table.layers
+    assert layers.n_bands == 3 and layers.block_cells == 2 and layers.n_bytes == kept.figures["layer_bytes"] > 0
+    np.testing.assert_array_equal(layers.beyond_m, as_built.beyond_m)
+    for name in ("node_offset", "node_owner", "edge_offset", "edge_owner"):
+        np.testing.assert_array_equal(getattr(layers, name), getattr(as_built, name))
+        assert getattr(layers, name).dtype == getattr(as_built, name).dtype
+
+
+def test_a_map_can_be_built_without_layers(small: PlannerConfig, built: build.Built, cache: Path) -> None:
+    del built  # its motions serve this one too
+    config = msgspec.structs.replace(small, clearance=ClearanceConfig(layers_m=[]))
+    plain = Job.of(ur3_cell(), config, cache=cache)
+    assert build.run(plain)[0].table.layers.n_bands == build.load(plain).table.layers.n_bands == 0
 
 
 def test_built_anew_by_two_processes_it_is_the_same_bytes(small: PlannerConfig, built: build.Built, tmp_path: Path) -> None:
@@ -125,11 +138,15 @@ def test_other_configs_have_other_files(small: PlannerConfig, job: Job, cache: P
         Job.of(cell, msgspec.structs.replace(small, margins=msgspec.structs.replace(small.margins, safety_m=0.03)), cache=cache),
         Job.of(msgspec.structs.replace(cell, static=cell.static[:-1]), small, cache=cache),
         Job.of(cell, small, recorded=[np.zeros((2, 6))], cache=cache),
+        Job.of(cell, msgspec.structs.replace(small, clearance=ClearanceConfig(layers_m=[0.02])), cache=cache),
+        Job.of(cell, msgspec.structs.replace(small, clearance=ClearanceConfig(block_m=0.02)), cache=cache),
     ):
         assert other.path not in paths
         paths.add(other.path)
     slower = msgspec.structs.replace(small, speed=msgspec.structs.replace(small.speed, velocity=0.5))
     assert Job.of(cell, slower, cache=cache).path == job.path, "driving slower needs no new map"
+    bolder = msgspec.structs.replace(small, clearance=ClearanceConfig(weight=0.0))
+    assert Job.of(cell, bolder, cache=cache).path == job.path, "nor does what nearness costs"
 
 
 def test_a_foreign_artefact_under_our_name_is_refused_and_replaced(

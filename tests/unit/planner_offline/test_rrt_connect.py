@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from services.planner.core.rrt_connect import RrtConnect, RrtParameters
+from services.planner.core.world import cells_of
 from services.planner.kernels.rrt_connect import World, segment_is_free
 from services.planner.kernels.xoshiro import uniform
 from services.planner.offline.regions import box_cells
@@ -74,7 +75,10 @@ def test_segment_check_equals_the_obvious_one(planner: RrtConnect, world: World)
     assert 5 < sum(verdicts) < 55
 
 
-def test_paths_are_free_join_the_ends_and_get_no_longer(planner: RrtConnect, world: World, pairs: list[tuple[F64, F64]]) -> None:
+def test_paths_are_free_join_the_ends_and_get_no_longer(
+    scene: Scene, planner: RrtConnect, world: World, pairs: list[tuple[F64, F64]]
+) -> None:
+    closer = planner.world(cells_of(scene.grid, clutter(scene)), scene.margins.safety_m / 2.0)  # what is left between two looks of a motion
     n_solved = 0
     for i, (a, b) in enumerate(pairs):
         state = generator(i)
@@ -85,7 +89,7 @@ def test_paths_are_free_join_the_ends_and_get_no_longer(planner: RrtConnect, wor
         shorter = planner.simplify(world, path, state)
         for p in (path, shorter):
             np.testing.assert_array_equal(p[[0, -1]], [a, b])
-            assert densely_free(planner, world, p, planner.parameters.step_rad)
+            assert densely_free(planner, closer, p, planner.parameters.step_rad / 3.0)
         length = [float(np.linalg.norm(np.diff(p, axis=0), axis=1).sum()) for p in (path, shorter)]
         assert length[1] <= length[0] + 1e-9
     assert n_solved >= 10

@@ -1,5 +1,6 @@
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import msgspec
@@ -65,6 +66,38 @@ def test_a_branching_arm_is_refused_with_the_way_out(tmp_path: Path):
         load_robot(config)
     locked = load_robot(msgspec.structs.replace(config, locked_joints={"finger": 0.2}))
     assert locked.n_joints == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "words"),
+    [
+        ("<collision>.*?</collision>", "", "no moving link has collision geometry"),
+        ('name="elbow" type="revolute"', 'name="elbow" type="continuous"', r"joint elbow turns without end \(continuous\)"),
+        ('type="revolute"', 'type="fixed"', "has no moving joint"),
+        ("<box[^>]*>", '<mesh filename="package://nowhere/part.stl"/>', "part.stl"),
+        ('velocity="2"', 'velocity="0"', "max_velocity_rad_s"),
+    ],
+)
+def test_a_urdf_that_cannot_be_used_says_why(tmp_path: Path, old: str, new: str, words: str):
+    config = planar_config(tmp_path)
+    Path(config.urdf).write_text(re.sub(old, new, PLANAR_URDF), encoding="utf-8")
+    with pytest.raises(RobotError, match=words):
+        load_robot(msgspec.structs.replace(config, immobile_links=[]))
+
+
+def test_a_home_of_another_arm_is_refused(tmp_path: Path):
+    with pytest.raises(RobotError, match=r"home_rad has 3 values, planar.urdf has 2 joints"):
+        load_robot(msgspec.structs.replace(planar_config(tmp_path), home_rad=[0.0, 0.0, 0.0]))
+
+
+def test_a_sliding_joint_slides(tmp_path: Path):
+    config = planar_config(tmp_path)
+    rail = PLANAR_URDF.replace('name="shoulder" type="revolute"', 'name="shoulder" type="prismatic"')
+    Path(config.urdf).write_text(rail, encoding="utf-8")
+    robot = load_robot(config)
+    assert robot.chain.prismatic.tolist() == [1, 0]
+    tip = robot.tool_pose(np.array([0.2, np.pi / 2]))
+    assert tip[:3, 3] == pytest.approx([0.3, 0.25, 0.3], abs=1e-12)
 
 
 def test_something_that_is_no_urdf(tmp_path: Path):
