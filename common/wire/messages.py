@@ -237,6 +237,7 @@ class PlannerStatus(State, frozen=True, kw_only=True, eq=False):
     reason: str
     rule: ReplanRule | None = None
     way: Way | None = None
+    refined: bool | None = None
     rules: Rules
     model: str
     n_neurons: int
@@ -303,7 +304,10 @@ class PlanRequest(Message, frozen=True, kw_only=True, eq=False):
 
 
 class PlanReply(Message, frozen=True, kw_only=True, eq=False):
-    """The answer; ``path_q_rad`` begins at the true start and ends at the true goal."""
+    """The answer; ``path_q_rad`` begins at the true start and ends at the true goal.
+
+    ``refined``: the trajectory follows a shorter path than ``path_q_rad``, found in ``timing_ms`` refine after the first answer.
+    """
 
     outcome: Outcome
     way: Way | None = None
@@ -314,6 +318,7 @@ class PlanReply(Message, frozen=True, kw_only=True, eq=False):
     length_rad: float
     timing_ms: dict[str, float]
     reason: str = ""
+    refined: bool | None = None
 
 
 class Demonstration(Message, frozen=True, kw_only=True, eq=False):

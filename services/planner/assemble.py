@@ -97,8 +97,16 @@ class Parts:
         weighs = self.config.clearance.weight > 0.0 and self.roadmap.table.layers.n_bands > 0  # maps of benchmarks have no layers
         finder = PathFinder(self.roadmap, self.checker(), self.config.clearance.surcharges if weighs else ())
         joint_range = (self.robot.position_min_rad, self.robot.position_max_rad)
-        checks = self.config.smoothing.shortcut_checks
-        return MotionPlanner(finder, limits, self.hand, joint_range, shortcut_checks=checks, separation=self.separation)
+        smoothing = self.config.smoothing
+        return MotionPlanner(
+            finder,
+            limits,
+            self.hand,
+            joint_range,
+            shortcut_checks=smoothing.shortcut_checks,
+            refine_looks=smoothing.refine_looks,
+            separation=self.separation,
+        )
 
     def goal_resolver(self) -> GoalResolver:
         """A new resolver with its own scratch."""

@@ -90,6 +90,8 @@ class QuestionDesk:
         ways = [way for way in self._rules.ways if request.ways is None or way in request.ways]
         answer = self._answer(world, Ask(q_start, q_start, None, rules, search, smooth, speed), branches, ways, watch)
         watch.add("total", began)
+        if isinstance(answer, Motion):
+            answer = self._planner.refined(world, Ask(q_start, answer.path.q_rad[-1], None, rules, search, smooth, speed), answer, watch)
         return _reply(answer, smooth, watch.ms) if isinstance(answer, Motion) else _refusal(answer, len(q_start), watch.ms)
 
     def _answer(self, world: World, ask: Ask, branches: F64, ways: list[Way], watch: Stopwatch) -> Motion | NotFound:
@@ -143,6 +145,7 @@ def _reply(motion: Motion, smooth: bool, timing_ms: dict[str, float]) -> PlanRep
             id="", goal_id="", kind="motion", start_ns=0, t_s=curve.t_s, q_rad=curve.q_rad, dq_rad_s=curve.dq_rad_s, voxels_seq=0
         ),
         length_rad=motion.path.length_rad,
+        refined=motion.refined,
         timing_ms=timing_ms,
         reason=motion.smoothing,
     )

@@ -227,6 +227,7 @@ class Planner:
                 reason=report.reason,
                 rule=report.rule,  # type: ignore[arg-type]
                 way=report.way,
+                refined=report.refined,
                 rules=self._config.rules,
                 model=self._parts.roadmap.model,
                 n_neurons=self._parts.roadmap.n_neurons,

@@ -297,7 +297,7 @@ class Reflex:
         splice = (before.id, splice_s) if before is not None and splice_s is not None else None
         cause = self._frame_utc_ns if self._cells_changed else 0
         self._send(Sent(self._next_id(), "motion", self.goal.id, motion.curve, start_s, now_s, motion, q_goal, rule, cause, splice))
-        self.report.rule, self.report.way = rule, motion.path.way
+        self.report.rule, self.report.way, self.report.refined = rule, motion.path.way, motion.refined
         self.report.path_length_rad = motion.length_rad
         self.report.path_neurons = len(motion.path.neurons)
         self.report.smoothing_fallbacks += motion.fell_back

@@ -109,8 +109,7 @@ def _body_rates(arm, dq, rotation, translation, rate):  # type: ignore[no-untype
                 for end_w in range(2):
                     w = grids.box_max_m[b, 2] if end_w else grids.box_min_m[b, 2]
                     speed2 = (x + wy * w) ** 2 + (y - wx * w) ** 2 + z**2
-                    if speed2 > fastest2:
-                        fastest2 = speed2
+                    fastest2 = max(fastest2, speed2)
         rate[b] = math.sqrt(fastest2)
 
 
