@@ -160,11 +160,12 @@ class PathFinder:
         stays as it is.
         """
         c, pieces = self.checker, self.cut_corners(world, found, looks)
-        path = np.empty((len(pieces.q_rad) + MORE_POINTS, pieces.q_rad.shape[1]))
-        path[: len(pieces.q_rad)] = pieces.q_rad
+        n = len(pieces.q_rad)
+        path, proven = np.empty((n + MORE_POINTS, pieces.q_rad.shape[1])), np.zeros(n + MORE_POINTS, dtype=np.uint8)
+        path[:n], proven[: n - 1] = pieces.q_rad, pieces.proven
         first, rng = 0 if found.leaving is None else 1, np.array(REFINE_STATE, dtype=np.uint64)
-        n = refine(c.arm, c.solids, world.cells, c.safety_m, c.step_m, path, len(pieces.q_rad), first, looks, rng)
-        return Pieces.of(replace(found, q_rad=path[:n].copy()))
+        n = refine(c.arm, c.solids, world.cells, c.safety_m, c.step_m, path, proven, n, first, looks, rng)
+        return Pieces(path[:n].copy(), proven[: n - 1].copy(), np.zeros(n - 1, dtype=np.int64))
 
     def cut_corners(self, world: World, found: FoundPath, checks: int) -> Pieces:
         """A shorter free path with the same ends.

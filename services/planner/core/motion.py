@@ -29,6 +29,7 @@ AT_REST_RAD_S = 1e-3  # a start slower than this is a start from rest; our choic
 LEADS = (1.1, 1.8)  # lead-in as a multiple of the braking distance along the velocity; 1 would be just enough to stop at its end
 SAME_PLACE_RAD = 1e-6
 ROUTES = 5  # paths a question is given until one stands the exact look; our choice: nearly all stand at once
+LONGER = 1.1  # times the first motion's duration, that a refined one may take; our choice
 BLEND_SHARES = (1.0, 0.3)  # of the room between corners, that their rounding may use; less where a hand needs room; our choice
 
 
@@ -144,9 +145,10 @@ class MotionPlanner:
         return outcome if isinstance(outcome, Motion) else None
 
     def refined(self, world: World, ask: Ask, motion: Motion, watch: Stopwatch) -> Motion:
-        """The same motion from rest along a shorter path; ``motion`` itself where none is free and quicker. Stage of ``watch``: refine.
+        """The same motion from rest along a shorter path; ``motion`` itself where none is free, or none that is not much slower.
 
-        It takes some milliseconds, bounded by ``refine_looks``; what is sent at once to dodge is not refined first.
+        It takes some milliseconds, bounded by ``refine_looks``; what is sent at once to dodge is not refined first. Stage of ``watch``:
+        refine.
         """
         at_rest = ask.velocity_start is None or float(np.abs(ask.velocity_start).max()) < AT_REST_RAD_S
         if not (at_rest and ask.smooth and ask.rules == "checked" and self._refine_looks > 0 and len(motion.path.q_rad) > 2):
@@ -155,7 +157,9 @@ class MotionPlanner:
         pieces = self.finder.refined(world, motion.path, self._refine_looks).without_repeats(SAME_PLACE_RAD)
         better = self._rounded(world, ask, motion.path, pieces, None, self._limits.scaled(ask.speed_scale, 1.0), stages)
         watch.add("refine", began)
-        if not isinstance(better, Motion) or better.fell_back or better.curve.duration_s >= motion.curve.duration_s:
+        if not isinstance(better, Motion) or better.fell_back or better.length_rad >= motion.length_rad:
+            return motion
+        if better.curve.duration_s > LONGER * motion.curve.duration_s:  # nearer to what is seen, so slower
             return motion
         return replace(better, smoothing=f"{better.smoothing}, refined", refined=True)
 

@@ -64,12 +64,14 @@ def _draw(along, n, first, rng):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def refine(arm, solids, cells, safety_m, step_m, path, n, first, n_looks, rng):  # type: ignore[no-untyped-def]
+def refine(arm, solids, cells, safety_m, step_m, path, proven, n, first, n_looks, rng):  # type: ignore[no-untyped-def]
     """Shorten ``path[:n]`` in place; returns the new number of points, at most ``len(path)``.
 
     Args:
         arm, solids, cells, safety_m, step_m: as for the checks.
         path: (P, J) buffer; its first ``n`` points are a path.
+        proven: (P,) uint8: not zero where the piece that begins at a point is known to be free; kept up to date, a part of a piece counts
+            as the piece.
         first: points before it stay.
         n_looks: straight segments that are looked at, at most.
         rng: (4,) state of the generator; advanced.
@@ -89,20 +91,21 @@ def refine(arm, solids, cells, safety_m, step_m, path, n, first, n_looks, rng): 
         n_looks -= 1
         if not line_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b):
             continue
-        n = _replace(path, n, a, b, q_a, q_b)
+        n = _replace(path, proven, n, a, b, q_a, q_b)
         _lengths(path, n, along)
     return n
 
 
 @njit(cache=True, nogil=True)
-def _replace(path, n, a, b, q_a, q_b):  # type: ignore[no-untyped-def]
+def _replace(path, proven, n, a, b, q_a, q_b):  # type: ignore[no-untyped-def]
     """Put two points in the place of the points a + 1 .. b; returns the new number of points."""
-    shift = 2 - (b - a)
+    shift, rest = 2 - (b - a), proven[b]
     if shift > 0:
         for k in range(n - 1, b, -1):
-            path[k + shift] = path[k]
+            path[k + shift], proven[k + shift] = path[k], proven[k]
     elif shift < 0:
         for k in range(b + 1, n):
-            path[k + shift] = path[k]
-    path[a + 1], path[a + 2] = q_a, q_b
+            path[k + shift], proven[k + shift] = path[k], proven[k]
+    path[a + 1], proven[a + 1] = q_a, 1
+    path[a + 2], proven[a + 2] = q_b, rest
     return n + shift

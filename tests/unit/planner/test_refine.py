@@ -52,8 +52,9 @@ def _refined(bench, world, path, first, looks, state=(1, 2, 3, 4)):
     c = bench.checker
     buffer, rng = np.empty((len(path) + 40, 6)), np.array(state, dtype=np.uint64)
     buffer[: len(path)] = path
-    n = refine(c.arm, c.solids, world.cells, c.safety_m, c.step_m, buffer, len(path), first, looks, rng)
-    return buffer[:n]
+    proven = np.zeros(len(buffer), dtype=np.uint8)
+    n = refine(c.arm, c.solids, world.cells, c.safety_m, c.step_m, buffer, proven, len(path), first, looks, rng)
+    return buffer[:n], proven[: n - 1]
 
 
 @pytest.mark.parametrize("first", [0, 1, 3])
@@ -61,12 +62,13 @@ def test_the_kernel_equals_its_twin(bench, world, first):
     path = _detour(bench, world)
     state = np.array([1, 2, 3, 4], dtype=np.uint64)
     slow = slow_refine(list(path), first, 60, len(path) + 40, lambda: uniform(state), lambda a, b: bench.checker.segment(world.cells, a, b))
-    np.testing.assert_allclose(_refined(bench, world, path, first, 60), slow, rtol=0.0, atol=1e-9)
+    np.testing.assert_allclose(_refined(bench, world, path, first, 60)[0], slow, rtol=0.0, atol=1e-9)
 
 
 def test_it_is_much_shorter_free_and_keeps_its_ends(bench, world):
     path = _detour(bench, world)
-    refined = _refined(bench, world, path, 1, 200)
+    refined, proven = _refined(bench, world, path, 1, 200)
+    assert proven.any() and not proven[0], "what was not looked at here is not called proven"
     np.testing.assert_array_equal(refined[:2], path[:2])
     np.testing.assert_array_equal(refined[-1], path[-1])
     assert all(bench.checker.segment(world.cells, a, b) for a, b in itertools.pairwise(refined))
@@ -77,7 +79,7 @@ def test_it_is_much_shorter_free_and_keeps_its_ends(bench, world):
 
 def test_a_straight_path_costs_no_look(bench, world):
     path = HERE + np.linspace(0.0, 0.2, 5)[:, None] * (THERE - HERE)
-    np.testing.assert_array_equal(_refined(bench, world, path, 0, 50), path)
+    np.testing.assert_array_equal(_refined(bench, world, path, 0, 50)[0], path)
 
 
 def _planner(bench, looks):
