@@ -8,8 +8,10 @@ from dataclasses import dataclass, replace
 from common.cell import CellConfig
 from common.geometry.grid import Grid
 from common.robot.model import RobotModel
+from common.robot.payload import Payload, with_payload
 from services.planner.config import PlannerConfig
 from services.planner.core.arm import arm_of, solids_of
+from services.planner.core.burden import burdened
 from services.planner.core.check import Checker, HandReach
 from services.planner.core.find import PathFinder
 from services.planner.core.goals import GoalResolver
@@ -37,6 +39,7 @@ class Parts:
     grid: Grid
     roadmap: Roadmap
     built: Built
+    held: Payload | None = None  # what robot and roadmap reckon with
 
     def checker(self) -> Checker:
         """A new checker with its own scratch."""
@@ -60,6 +63,15 @@ class Parts:
     def on(self, roadmap: Roadmap) -> Parts:
         """The same with another roadmap: one that has grown."""
         return replace(self, roadmap=roadmap)
+
+    def holding(self, payload: Payload) -> Parts:
+        """Of the bare arm's: the same with a box in the gripper. Takes seconds.
+
+        Raises:
+            RequestError: the box cannot be held.
+        """
+        held = replace(self, robot=with_payload(self.robot, payload), held=payload)
+        return replace(held, roadmap=burdened(self.roadmap, held.ground, solids_of(self.cell.static)))
 
     @property
     def limits(self) -> Limits:

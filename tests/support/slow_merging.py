@@ -1,8 +1,8 @@
-"""Slow and obvious twin of the kernels that grow a table."""
+"""Slow and obvious twins of the kernels that grow a table and join two."""
 
 from __future__ import annotations
 
-__all__ = ["slow_merge"]
+__all__ = ["slow_merge", "slow_union"]
 
 
 def slow_merge(old: list[list[int]], new: list[list[int]], n_old: int, *, full: set[int], left_out: set[int]) -> list[list[int]]:
@@ -13,3 +13,8 @@ def slow_merge(old: list[list[int]], new: list[list[int]], n_old: int, *, full: 
             if cell not in left_out:
                 rows[cell].append(n_old + k)
     return rows
+
+
+def slow_union(a: list[list[int]], b: list[list[int]]) -> list[list[int]]:
+    """Rows by cell of two tables as one."""
+    return [sorted({*row_a, *row_b}) for row_a, row_b in zip(a, b, strict=True)]

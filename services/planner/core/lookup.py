@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, field
 from queue import SimpleQueue
 from typing import Any
 
@@ -19,7 +20,7 @@ from common.geometry.grid import Grid
 from services.planner.kernels.collision import Arm
 from services.planner.kernels.lookup import change_counts, count_rows, edge_extra_cells, fill_rows, node_cells
 
-__all__ = ["BlockedCounts", "LookupTable", "Swept", "build_table", "cells_of_pose", "owner_dtype", "sweep"]
+__all__ = ["BlockedCounts", "LookupTable", "Swept", "build_table", "cells_of_pose", "owner_dtype", "sweep", "transpose"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -41,6 +42,7 @@ class LookupTable:
             owners uint16 (uint32 beyond 65 535 neurons), ascending within a row.
         edge_offset, edge_owner: the same for edges; an edge's row holds only what it sweeps beyond its two ends (uint16 or uint32).
         unavoidable: (U,) int32 ascending cells that every neuron sweeps; they are in no row, since no path could ever avoid them.
+        barred_nodes, barred_edges: int32 ascending; what is blocked whatever the cells: a payload would hit the static layer or the arm.
     """
 
     node_offset: I64
@@ -48,6 +50,8 @@ class LookupTable:
     edge_offset: I64
     edge_owner: NDArray[Any]
     unavoidable: I32
+    barred_nodes: I32 = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+    barred_edges: I32 = field(default_factory=lambda: np.empty(0, dtype=np.int32))
 
     @property
     def n_bytes(self) -> int:
@@ -128,8 +132,8 @@ def build_table(
     count_rows(swept.node_cell, counts)
     unavoidable = np.flatnonzero(counts == len(neurons_rad)).astype(np.int32) if len(neurons_rad) else np.empty(0, dtype=np.int32)
     return LookupTable(
-        *_transpose(swept.node_offset, swept.node_cell, grid.n_cells, unavoidable),
-        *_transpose(swept.edge_offset, swept.edge_cell, grid.n_cells, unavoidable),
+        *transpose(swept.node_offset, swept.node_cell, grid.n_cells, unavoidable),
+        *transpose(swept.edge_offset, swept.edge_cell, grid.n_cells, unavoidable),
         unavoidable=unavoidable,
     )
 
@@ -177,7 +181,8 @@ def _chunk_rows(run: RowKernel, part: NDArray[Any], stamp: I64, buffer: I32) -> 
     return pieces
 
 
-def _transpose(offset: I64, cells: I32, n_cells: int, without: I32) -> tuple[I64, NDArray[Any]]:
+def transpose(offset: I64, cells: I32, n_cells: int, without: I32) -> tuple[I64, NDArray[Any]]:
+    """Cells by owner (of owner k: ``cells[offset[k]:offset[k + 1]]``) as owners by cell, ascending; cells in ``without`` get none."""
     counts = np.zeros(n_cells, dtype=np.int64)
     count_rows(cells, counts)
     row_offset = np.concatenate([[0], np.cumsum(counts)])
@@ -212,6 +217,8 @@ class BlockedCounts:
         self._table = table
         self.node = np.zeros(n_neurons, dtype=np.int32)
         self.edge = np.zeros(n_edges, dtype=np.int32)
+        self.node[table.barred_nodes] = 1  # as if by a cell that never goes
+        self.edge[table.barred_edges] = 1
         self.cells: I32 = np.empty(0, dtype=np.int32)
 
     def set_cells(self, cells: I32) -> tuple[I32, I32]:
@@ -230,7 +237,7 @@ class BlockedCounts:
 
     def without(self, cells: I32) -> BlockedCounts:
         """A copy in which ``cells`` (a subset of the occupied ones) count as empty."""
-        copy = BlockedCounts(self._table, 0, 0)
-        copy.node, copy.edge, copy.cells = self.node.copy(), self.edge.copy(), self.cells
-        copy.set_cells(np.setdiff1d(self.cells, cells, assume_unique=True))
-        return copy
+        fewer = copy(self)
+        fewer.node, fewer.edge = self.node.copy(), self.edge.copy()
+        fewer.set_cells(np.setdiff1d(self.cells, cells, assume_unique=True))
+        return fewer

@@ -1,0 +1,159 @@
+"""A map under a payload: its rows against brute force, what is barred against the one check."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from common.geometry.grid import Grid
+from common.robot.model import RobotModel
+from common.robot.payload import Payload, with_payload
+from services.planner.core.arm import arm_of, solids_of
+from services.planner.core.burden import burdened, last_body_alone
+from services.planner.core.check import Checker
+from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.growth import Ground
+from services.planner.core.lookup import BlockedCounts, build_table, cells_of_pose
+from services.planner.core.roadmap import Roadmap
+from services.planner.core.world import no_cells
+from services.planner.kernels.collision import FREE
+from services.planner.kernels.lookup import segment_steps
+from services.planner.kernels.merging import count_unions, fill_unions
+from tests.support.cell import ur3_cell
+from tests.support.slow_merging import slow_union
+from tests.support.slow_planner import near_by_rounding, slow_pose_cells
+
+BOX = Payload((0.06, 0.12, 0.16), (0.01, 0.0, 0.06), (0.0, 0.0, 0.3827, 0.9239))
+GRID = Grid((-0.8, -0.8, 0.0), (40, 40, 25), 0.04)
+SAFETY_M, STEP_M = 0.02, 0.02
+N = 160
+
+
+@dataclass(frozen=True, eq=False)
+class Loaded:
+    """A small map without and with the box, and the checkers of both arms."""
+
+    robot: RobotModel
+    bare: Roadmap
+    held: Roadmap
+    arm: Checker
+    bare_arm: Checker
+
+
+@pytest.fixture(scope="module")
+def loaded(bench) -> Loaded:
+    robot = with_payload(bench.robot, BOX)
+    arm = arm_of(robot, static_margin_m=0.01, self_margin_m=0.005)
+    rng = np.random.default_rng(5)
+    q = np.empty((N, 6))
+    q[::2] = bench.free_rad[: N // 2]
+    q[1::2] = q[::2] + rng.normal(scale=0.1, size=(N // 2, 6))
+    edges = np.array([[k, k + 1] for k in range(0, N, 2)], dtype=np.int32)
+    table = build_table(bench.checker.arm, GRID, q, edges, safety_m=SAFETY_M, step_m=STEP_M)
+    bare = Roadmap.of(CognitiveMap(q, edges), table, "gng")
+    solids = solids_of(ur3_cell().static)
+    held = burdened(bare, Ground(arm, GRID, SAFETY_M, STEP_M), solids)
+    names = [body.name for body in robot.bodies]
+    checker = Checker(arm, solids, safety_m=SAFETY_M, step_m=STEP_M, body_names=names, solid_names=[s.name for s in ur3_cell().static])
+    return Loaded(robot, bare, held, checker, bench.checker)
+
+
+def _rows_of(offset, owner, k) -> set[int]:
+    rows = np.repeat(np.arange(GRID.n_cells), np.diff(offset))
+    return set(rows[owner == k].tolist())
+
+
+def test_neurons_have_the_cells_of_arm_and_box(loaded: Loaded) -> None:
+    table, bare = loaded.held.table, loaded.bare.table
+    anew = build_table(loaded.arm.arm, GRID, loaded.held.neurons_rad, loaded.held.edges, safety_m=SAFETY_M, step_m=STEP_M)
+    for name in ("node_offset", "node_owner", "unavoidable"):
+        assert np.array_equal(getattr(table, name), getattr(anew, name))
+    assert table.node_owner.dtype == anew.node_owner.dtype and len(table.node_owner) > len(bare.node_owner) + 500
+
+
+def test_nothing_that_the_box_sweeps_is_missing(loaded: Loaded) -> None:
+    table, half_m = loaded.held.table, GRID.resolution_m / 2
+    centres = GRID.centres(np.arange(GRID.n_cells))
+    for k in range(3):
+        frames = loaded.robot.joint_poses(loaded.held.neurons_rad[k][None])[0]
+        brute = set(np.flatnonzero(slow_pose_cells(loaded.arm.arm, frames, centres, half_m, SAFETY_M)).tolist())
+        row = _rows_of(table.node_offset, table.node_owner, k) | set(table.unavoidable.tolist())
+        assert row - set(table.unavoidable.tolist()) <= brute
+        assert all(near_by_rounding(loaded.arm.arm, frames, centres[cell], half_m, SAFETY_M) for cell in brute - row)
+
+
+def test_edges_have_what_each_body_sweeps_at_its_own_steps(loaded: Loaded) -> None:
+    table, q = loaded.held.table, loaded.held.neurons_rad
+    box = last_body_alone(loaded.arm.arm)
+    R, T = np.empty((2, 7, 3, 3)), np.empty((2, 7, 3))
+    unavoidable = set(table.unavoidable.tolist())
+    for e in range(6):
+        a, b = q[loaded.held.edges[e, 0]], q[loaded.held.edges[e, 1]]
+        swept: set[int] = set()
+        for arm in (loaded.bare_arm.arm, box):
+            n = segment_steps(arm, a, b - a, STEP_M, R, T)
+            for s in range(1, n):
+                swept |= set(cells_of_pose(arm, GRID, a + (b - a) * s / n, safety_m=SAFETY_M).tolist())
+        ends = {cell for q_end in (a, b) for cell in cells_of_pose(loaded.arm.arm, GRID, q_end, safety_m=SAFETY_M).tolist()}
+        row = _rows_of(table.edge_offset, table.edge_owner, e)
+        assert row <= swept - unavoidable
+        assert (row | ends) - unavoidable == (swept | ends) - unavoidable  # an edge is blocked with its ends: their cells may be missing
+
+
+def test_what_the_box_would_hit_is_barred_and_stays_so(loaded: Loaded) -> None:
+    nothing, table = no_cells(GRID), loaded.held.table
+    held, bare = ([arm.pose(nothing, q)[0] == FREE for q in loaded.held.neurons_rad] for arm in (loaded.arm, loaded.bare_arm))
+    poses = np.array(bare) & ~np.array(held)
+    assert 0 < poses.sum() < N
+    assert set(np.flatnonzero(poses)) <= set(table.barred_nodes.tolist())
+    for k in table.barred_nodes:
+        assert loaded.arm.pose(nothing, loaded.held.neurons_rad[k])[0] != FREE
+    for e, (a, b) in enumerate(loaded.held.edges):
+        ends_free = not {a, b} & set(table.barred_nodes.tolist())
+        free = loaded.arm.segment(nothing, loaded.held.neurons_rad[a], loaded.held.neurons_rad[b])
+        if ends_free and loaded.bare_arm.segment(nothing, loaded.held.neurons_rad[a], loaded.held.neurons_rad[b]):
+            assert (e in table.barred_edges) is not free
+    counts = BlockedCounts(table, N, loaded.held.n_edges)
+    cells = np.flatnonzero(np.diff(table.node_offset))[::7].astype(np.int32)
+    counts.set_cells(cells)
+    assert counts.n_blocked > len(table.barred_nodes)
+    assert np.all(counts.without(cells).node[table.barred_nodes] == 1)
+    counts.set_cells(cells[:0])
+    assert np.array_equal(np.flatnonzero(counts.node), table.barred_nodes)
+    assert np.array_equal(np.flatnonzero(counts.edge), table.barred_edges)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.sets(st.integers(0, GRID.n_cells - 1), max_size=80))
+def test_a_box_never_frees_anything(loaded: Loaded, cells: set[int]) -> None:
+    blocked = []
+    for roadmap in (loaded.bare, loaded.held):
+        counts = BlockedCounts(roadmap.table, N, roadmap.n_edges)
+        counts.set_cells(np.setdiff1d(np.array(sorted(cells), dtype=np.int32), loaded.held.table.unavoidable))
+        ends = counts.node[roadmap.edges].max(axis=1, initial=0)
+        blocked.append((counts.node > 0, (counts.edge > 0) | (ends > 0)))
+    assert not np.any(blocked[0][0] & ~blocked[1][0]) and not np.any(blocked[0][1] & ~blocked[1][1])
+
+
+ROWS = st.lists(st.sets(st.integers(0, 30), max_size=8).map(sorted), min_size=6, max_size=6)
+
+
+@settings(max_examples=60, deadline=None)
+@given(ROWS, ROWS, st.sets(st.integers(0, 5)))
+def test_unions_equal_their_slow_twin(a: list[list[int]], b: list[list[int]], empty: set[int]) -> None:
+    def flat(rows: list[list[int]]) -> tuple[np.ndarray, np.ndarray]:
+        return np.cumsum([0, *map(len, rows)]), np.array([k for row in rows for k in row], dtype=np.uint16)
+
+    counts = np.empty(6, dtype=np.int64)
+    count_unions(*flat(a), *flat(b), counts)
+    wanted = slow_union(a, b)
+    assert counts.tolist() == [len(row) for row in wanted]
+    counts[list(empty)] = 0
+    offset = np.concatenate([[0], np.cumsum(counts)])
+    owner = np.empty(offset[-1], dtype=np.uint16)
+    fill_unions(*flat(a), *flat(b), offset, owner)
+    assert owner.tolist() == [k for cell, row in enumerate(wanted) if cell not in empty for k in row]
