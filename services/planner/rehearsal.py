@@ -13,18 +13,21 @@ from numpy.typing import NDArray
 
 from common.errors import TolmanError
 from common.geometry.transforms import quaternion_of
+from common.robot.payload import Payload
 from common.wire.messages import PlanRequest, Pose, SetGoal
 from services.planner.assemble import Parts
+from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.growth import Addition, grown
-from services.planner.core.lookup import BlockedCounts, LookupTable, cells_of_pose
+from services.planner.core.lookup import BlockedCounts, LookupTable, build_table, cells_of_pose
 from services.planner.core.motion import Ask, Motion, Stopwatch
+from services.planner.core.roadmap import Roadmap
 from services.planner.core.timing import brake
 from services.planner.core.world import World, cells_of
 from services.planner.kernels.merging import append_owners, copy_rows
 from services.planner.learner import Lesson, Student
 from services.planner.questions import QuestionDesk
 
-__all__ = ["rehearse", "rehearse_learning"]
+__all__ = ["rehearse", "rehearse_holding", "rehearse_learning"]
 
 F64 = NDArray[np.float64]
 
@@ -80,3 +83,13 @@ def rehearse_learning(student: Student, parts: Parts) -> None:
     none, cursor = np.zeros(1, dtype=np.uint8), np.zeros(1, dtype=np.int64)
     copy_rows(offset, owner, none, 1, offset, owner, cursor)
     append_owners(offset, cell[:0], none, 1, cursor, owner)
+
+
+def rehearse_holding(parts: Parts) -> None:
+    """Make the table of a box for a map of two neurons."""
+    learned = CognitiveMap(np.ascontiguousarray(parts.roadmap.neurons_rad[:2]), np.array([[0, 1]], dtype=np.int32))
+    margins, ground = parts.config.margins, parts.ground
+    table = build_table(ground.arm, ground.grid, learned.q_rad, learned.edges, safety_m=margins.safety_m, step_m=margins.step_m)
+    two = parts.on(Roadmap.of(learned, table, parts.roadmap.model))
+    with suppress(TolmanError):
+        two.holding(Payload((0.04, 0.04, 0.04)))

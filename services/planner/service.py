@@ -19,11 +19,13 @@ from common.bus.session import Bus
 from common.cell import CellConfig
 from common.clock import ClockOffset, monotonic_ns, utc_ns
 from common.errors import RequestError, TolmanError
+from common.robot.payload import Payload
 from common.wire.messages import (
     Ack,
     CancelGoal,
     Demonstration,
     GoalAccepted,
+    HeldBox,
     MapQuery,
     PlannerEvent,
     PlannerStatus,
@@ -34,6 +36,7 @@ from common.wire.messages import (
     VoxelFrame,
 )
 from services.planner.assemble import assemble
+from services.planner.carrier import Carrier
 from services.planner.config import PlannerConfig
 from services.planner.core.reflex import Event, Goal, Reflex
 from services.planner.core.underway import ArmState, Sent
@@ -41,7 +44,7 @@ from services.planner.inspection import map_reply
 from services.planner.learner import Learner, Lesson, Student
 from services.planner.memory import recall
 from services.planner.questions import QuestionDesk, branches_of
-from services.planner.rehearsal import rehearse, rehearse_learning
+from services.planner.rehearsal import rehearse, rehearse_holding, rehearse_learning
 
 __all__ = ["Planner"]
 
@@ -76,15 +79,18 @@ class Planner:
         self._memory = recall(assemble(self._cell, self._config, _log_progress()))
         if self._memory.complaint:
             log.error("what was learned is left out: %s", self._memory.complaint)
-        self._parts = self._memory.parts
+        self._parts = self._bare = self._memory.parts  # as it is planned with now, and without what is held
         self._resolver = self._parts.goal_resolver()
         self._reflex: Reflex = self._parts.reflex(monotonic_ns, f"{self._bus.epoch:x}")
         rehearse(self._parts, monotonic_ns)
         student = Student(self._memory, self._reflex)
         rehearse_learning(student, self._parts)
+        rehearse_holding(self._parts)
         sys.setswitchinterval(SWITCH_S)
         self._questions = _Worker(QuestionDesk(self._parts, monotonic_ns), self._vitals)
         self._learner = Learner(student, self._config.learning.max_waiting, self._bus.wake.set)
+        self._carrier = Carrier(self._reflex, self._bus.wake.set)
+        self._held: Payload | None = None
         self._open_inboxes()
 
     def _open_inboxes(self) -> None:
@@ -105,8 +111,8 @@ class Planner:
         return self._parts.fingerprints
 
     def close(self) -> None:
-        """End the threads of questions and lessons."""
-        for name in ("_questions", "_learner"):
+        """End the threads of questions, lessons and what is held."""
+        for name in ("_questions", "_learner", "_carrier"):
             if hasattr(self, name):
                 getattr(self, name).close()
 
@@ -122,6 +128,7 @@ class Planner:
             self._publish_event(event)
         self._answer()
         self._adopt_learned()
+        self._adopt_held()
         if self._reflex.report.state != self._last_state or sent:
             self._publish_status(monotonic_ns())
         return now_ns + STEP_NS
@@ -134,6 +141,7 @@ class Planner:
             message = state.message
             self._robot_clock.observe(message.stamp_ns, state.arrival_ns)
             self._q_now = message.q_reference_rad
+            self._hear_held(message.held)
             self._reflex.hear(
                 ArmState(
                     at_s=self._robot_clock.to_monotonic(message.stamp_ns) / NS,
@@ -152,6 +160,18 @@ class Planner:
         frame = self._frames.take()
         if frame is not None:
             self._see(frame.message, frame.arrival_ns, now_ns)
+
+    def _hear_held(self, box: HeldBox | None) -> None:
+        """What the gripper holds has changed: the arm stands until the planner is ready for it."""
+        try:
+            held = None if box is None else Payload.of(box.size_m, box.position_m, box.quaternion_xyzw)
+        except RequestError as error:
+            self._reflex.waiting = f"robot/state.held: {error.message}"
+            return
+        if held != self._held:
+            self._held = held
+            self._reflex.waiting = "the planner gets ready for what the gripper holds"
+            self._carrier.want(self._bare, held)
 
     def _see(self, frame: VoxelFrame, arrival_ns: int, now_ns: int) -> None:
         self._wrong_grid = frame.grid.fingerprint != self._parts.grid.fingerprint
@@ -216,6 +236,7 @@ class Planner:
                 reaction_ms=report.reaction_ms,
                 replans=report.replans,
                 accepted=report.accepted,
+                held=_box_of(self._parts.held),
             )
         )
 
@@ -242,10 +263,14 @@ class Planner:
         if learned is None:
             return
         began_ns = monotonic_ns()
-        learned.adopt(self._reflex)
-        self._parts = learned.parts
-        if learned.desk is not None:
-            self._questions.desk = learned.desk
+        self._bare = learned.parts
+        if self._held is None and self._parts.held is None:
+            learned.adopt(self._reflex)
+            self._parts = learned.parts
+            if learned.desk is not None:
+                self._questions.desk = learned.desk
+        else:  # the map of what is held is made from the grown one
+            self._carrier.want(self._bare, self._held)
         now_ns = monotonic_ns()
         self._vitals.meter("map_swap").tick(now_ns, (now_ns - began_ns) / 1e6)
         self._vitals.count("learned")
@@ -253,6 +278,26 @@ class Planner:
         self._publish_status(now_ns)
         if learned.lesson.command is not None:
             learned.lesson.command.reply(learned.reply)
+
+    def _adopt_held(self) -> None:
+        """Exchange arm, table and all that plans with them for those that reckon with what is held."""
+        ready = self._carrier.take()
+        if ready is None:
+            return
+        if ready.parts is None or ready.resolver is None or ready.desk is None:
+            self._reflex.waiting = f"what the gripper holds: {ready.problem}"
+            self._publish_event(Event("held", facts={"problem": ready.problem}))
+            return
+        began_ns = monotonic_ns()
+        ready.adopt(self._reflex)
+        self._parts, self._resolver, self._questions.desk = ready.parts, ready.resolver, ready.desk
+        self._reflex.waiting = ""
+        now_ns = monotonic_ns()
+        self._vitals.meter("held_swap").tick(now_ns, (now_ns - began_ns) / 1e6)
+        table = ready.parts.roadmap.table
+        facts = {"seconds": ready.seconds, "barred_neurons": len(table.barred_nodes), "barred_edges": len(table.barred_edges)}
+        self._publish_event(Event("held", facts={"size_m": None if ready.payload is None else list(ready.payload.size_m), **facts}))
+        self._publish_status(now_ns)
 
     def _set_goal(self, request: SetGoal) -> GoalAccepted:
         branches = branches_of(request, self._resolver)
@@ -267,6 +312,12 @@ class Planner:
             raise RequestError(f"goal_id: {request.goal_id!r} is not the present goal", code="unknown_goal")
         self._reflex.cancel()
         return Ack()
+
+
+def _box_of(payload: Payload | None) -> HeldBox | None:
+    if payload is None:
+        return None
+    return HeldBox(size_m=list(payload.size_m), position_m=list(payload.position_m), quaternion_xyzw=list(payload.quaternion_xyzw))
 
 
 def _reply(command: Command[Any], action: Callable[[Any], Any]) -> None:

@@ -17,6 +17,7 @@ from services.planner.config import PlannerConfig
 from services.planner.core.asking import Asker
 from services.planner.core.check import HandReach
 from services.planner.core.found import NotFound
+from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Motion, MotionPlanner
 from services.planner.core.replan import Action, ReplanRules, ShorterWay, View
 from services.planner.core.seeing_lag import SeeingLag
@@ -106,6 +107,7 @@ class Reflex:
         self._asker = Asker(planner, config, clock_ns)
         self._lag = SeeingLag()
         self._step_began_ns = 0
+        self.waiting = ""  # why the arm must stand until something is ready; empty: it need not
         self._events: list[Event] = []
         self._outbox: list[Sent] = []
 
@@ -126,6 +128,20 @@ class Reflex:
             self._events.append(Event("goal_cancelled", self.goal.id))
         self.goal = None
         self.report.state, self.report.reason = "idle", ""
+
+    def rearm(self, planner: MotionPlanner, counts: BlockedCounts) -> None:
+        """The arm is another one from now on (it holds something, or no more): all that plans and checks is exchanged at once.
+
+        Args:
+            planner: for the arm as it is now.
+            counts: on its roadmap; brought to the live cells here.
+        """
+        self.planner, self.checker = planner, planner.checker
+        self._asker.rearm(planner)
+        self._watch.rearm(planner.checker)
+        self.vision.take(planner.finder.roadmap, counts)
+        self._shorter.forget()
+        self._rules.now_or_never()
 
     def hear(self, arm: ArmState, now_s: float) -> None:
         """The arm's newest state."""
@@ -202,7 +218,7 @@ class Reflex:
             blocked_in_s=blocked_in,
             stop_needs_s=self._braking_s(arm) + self._config.replan.stop_margin_s + LEAD_S,
             cells_changed=self._cells_changed,
-            protective=self.vision.protective,
+            protective=self.vision.protective or self.waiting,
             faulted=arm.mode == "fault",
         )
 
