@@ -8,11 +8,11 @@ import time
 from clients.cli.options import add_bus_arguments, open_bus
 from clients.waiting import wait_until
 from common.bus.session import RemoteError
-from common.wire.messages import Ack, Grasp, HeldBox, PlannerStatus
+from common.wire.messages import Ack, Grasp, HeldBox, PlannerEvent, PlannerStatus
 
 __all__ = ["add_arguments", "run"]
 
-READY_WITHIN_S = 30.0  # our choice; a table for a box takes some seconds
+READY_WITHIN_S = 60.0  # our choice; a table for a box takes some seconds, on a busy machine some more
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -29,12 +29,15 @@ def run(args: argparse.Namespace) -> int:
     box = None if args.release else HeldBox(size_m=args.box, position_m=args.at)
     began_s = time.monotonic()
     with open_bus(args) as bus:
-        statuses = bus.latest("planner/status", PlannerStatus)
+        statuses, events = bus.latest("planner/status", PlannerStatus), bus.queue("planner/event", PlannerEvent)
         bus.request("robot/grasp", Grasp(op="release" if box is None else "grasp", box=box), Ack)
         told = ""
 
         def planner_is_ready() -> bool:
             nonlocal told
+            for event in events.take_all():
+                if "problem" in event.message.facts:
+                    raise RemoteError(f"the planner cannot hold it: {event.message.facts['problem']}", code="cannot_hold")
             received = statuses.take()
             if received is None:
                 return False

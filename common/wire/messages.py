@@ -65,8 +65,8 @@ class ErrorReply(Message, frozen=True, kw_only=True):
 # --- robot_sim ---------------------------------------------------------------------------------------------------------------
 
 
-class HeldBox(Message, frozen=True, kw_only=True):
-    """A box in the gripper: full extents, and the pose of its middle in the tool frame."""
+class HeldBox(Message, frozen=True, kw_only=True, eq=True):
+    """A box in the gripper: full extents, and the pose of its middle in the tool frame; equal where the numbers are."""
 
     size_m: list[float]
     position_m: list[float] = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])

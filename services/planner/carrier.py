@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import logging
 import threading
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -70,6 +70,8 @@ class Carrier:
         self._wish: tuple[Parts, Payload | None] | None = None
         self._ready: Ready | None = None
         self._is_closed = False
+        # The last but one is kept until the next: to free a table takes milliseconds, and must not fall to the loop.
+        self._made: deque[Ready] = deque(maxlen=2)
         self._thread = threading.Thread(target=self._run, name="carrier", daemon=True)
         self._thread.start()
 
@@ -101,6 +103,7 @@ class Carrier:
                     return
                 wish, self._wish = self._wish, None
             ready = self._prepare(*wish)
+            self._made.append(ready)
             with self._changed:
                 if self._wish is None:
                     self._ready = ready

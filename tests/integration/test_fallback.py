@@ -29,7 +29,7 @@ pytestmark = pytest.mark.integration
 READY_S, ANSWER_S = 240.0, 60.0
 HERE, THERE = np.array([-0.9, -1.2, 1.3, -1.6, -1.57, 0.0]), np.array([0.9, -1.2, 1.3, -1.6, -1.57, 0.0])
 NOWHERE = np.array([0.0, -1.2, 1.3, -1.6, -1.57, 0.0])
-BOX = Payload((0.05, 0.05, 0.16), (0.0, 0.0, 0.08))
+BOX = Payload((0.05, 0.05, 0.10), (0.0, 0.0, 0.05))
 SEED = np.arange(1, 5, dtype=np.uint64)
 NONE = np.empty(0, dtype=np.int32)
 EASY = SamplingQuestion(HERE, THERE[None], NONE, SEED, 2_000)
@@ -76,10 +76,11 @@ def test_equal_questions_equal_answers_also_over_a_death_in_mid_question() -> No
 def test_it_reckons_with_what_the_gripper_holds() -> None:
     """A cell that the box would be dragged through half way, and the bare arm passes over."""
     scene, one = Scene.of(ur3_cell(), MarginsConfig()), _process()
-    below = (scene.robot.tool_pose((HERE + THERE) / 2.0) @ [0.0, 0.0, 0.13, 1.0])[:3]
+    start = np.array([-0.2, *HERE[1:]])  # not over a bin, which the box would be in
+    below = (scene.robot.tool_pose((start + THERE) / 2.0) @ [0.0, 0.0, 0.08, 1.0])[:3]
     away_m = np.linalg.norm(scene.grid.centres(np.arange(scene.grid.n_cells)) - below, axis=1)
     cell = np.array([np.argmin(away_m)], dtype=np.int32)
-    answers = {payload: one.send(replace(EASY, cells=cell), payload).wait().q_rad for payload in (None, BOX)}
+    answers = {payload: one.send(replace(EASY, q_start_rad=start, cells=cell), payload).wait().q_rad for payload in (None, BOX)}
     one.close()
     free, checker = {}, scene.holding(BOX).checker()
     for payload, q_rad in answers.items():
