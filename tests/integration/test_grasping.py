@@ -5,10 +5,23 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 
+import numpy as np
 import pytest
 
 from common.bus.session import Bus, RemoteError
-from common.wire.messages import Ack, Empty, Grasp, HeldBox, PlannerStatus, PlanReply, PlanRequest, SetGoal
+from common.wire.messages import (
+    Ack,
+    Demonstration,
+    Empty,
+    Grasp,
+    HeldBox,
+    LearnReply,
+    PlannerEvent,
+    PlannerStatus,
+    PlanReply,
+    PlanRequest,
+    SetGoal,
+)
 from tests.support.operator import OVER_PICK, OVER_PLACE, Operator
 
 pytestmark = pytest.mark.integration
@@ -23,7 +36,7 @@ def operator(bus: Bus) -> Iterator[Operator]:
     one.sees_nothing()
     yield one
     bus.request("planner/cancel", Empty(), Ack)
-    one.until(lambda: one.robot is not None and one.robot.mode != "tracking", "the arm stands")
+    one.until(lambda: one.robot is not None and one.robot.mode not in ("tracking", "stopping"), "the arm stands")
     bus.request("robot/grasp", Grasp(op="release"), Ack)
     one.until(lambda: one.status is not None and one.status.held is None, "the planner knows that nothing is held")
 
@@ -35,13 +48,17 @@ def held_size(operator: Operator) -> list[float] | None:
 def test_it_plans_and_drives_with_a_box_and_without_it_again(operator: Operator) -> None:
     operator.bus.request("robot/grasp", Grasp(op="grasp", box=BOX), Ack)
     operator.until(lambda: held_size(operator) == BOX.size_m, "the planner is ready for the box", READY_WITHIN_S)
-    told = next(event for event in operator.events if event.kind == "held")
+    (told,) = held_events(operator, 1)
     assert told.facts["size_m"] == BOX.size_m and told.facts["seconds"] < READY_WITHIN_S
     assert operator.robot is not None and operator.robot.held == BOX
     operator.go(OVER_PICK)
     assert operator.voxels is not None and len(operator.voxels.cells) == 0, "the box is the arm, and no obstacle"
+    operator.box("beside the box", [0.32, -0.175, 0.09], [0.06, 0.06, 0.10])
+    operator.sees(5)
+    operator.until(lambda: operator.clearance().pair == ["payload", "beside the box"], "the engine's nearest pair")
     operator.until(lambda: 0.0 <= clearance_is_less_by_m(operator) <= TWO_CELLS_M, "the engine's clearance or a little less")
-    assert "payload" in operator.clearance().pair, "over a bin the box is what is nearest to anything"
+    operator.remove("beside the box")
+    operator.sees_nothing()
     reply = operator.bus.request("planner/plan", PlanRequest(goal=SetGoal(pose=OVER_PLACE)), PlanReply, timeout_s=20.0)
     assert reply.trajectory is not None and reply.trajectory.held == BOX
     operator.box("post", [0.36, 0.0, 0.20], [0.12, 0.10, 0.24])
@@ -54,8 +71,31 @@ def test_it_plans_and_drives_with_a_box_and_without_it_again(operator: Operator)
     began_s = time.monotonic()
     operator.bus.request("robot/grasp", Grasp(op="grasp", box=BOX), Ack)
     operator.until(lambda: held_size(operator) == BOX.size_m, "the same box again, from what was kept", READY_WITHIN_S)
-    again = [event for event in operator.events if event.kind == "held"][-1]
+    again = held_events(operator, 3)[-1]
     assert again.facts["seconds"] < told.facts["seconds"] and time.monotonic() - began_s < READY_WITHIN_S
+    operator.go(OVER_PICK)
+
+
+def held_events(operator: Operator, n: int) -> list[PlannerEvent]:
+    """The ``n`` words of the planner that it is ready for what is held, or not."""
+    operator.until(lambda: sum(event.kind == "held" for event in operator.events) >= n, f"{n} events")
+    return [event for event in operator.events if event.kind == "held"]
+
+
+def test_what_is_learned_with_a_box_is_in_the_map_with_the_box(operator: Operator) -> None:
+    operator.bus.request("robot/grasp", Grasp(op="grasp", box=BOX), Ack)
+    operator.until(lambda: held_size(operator) == BOX.size_m, "the planner is ready for the box", READY_WITHIN_S)
+    assert operator.robot is not None
+    q = operator.robot.q_reference_rad
+    turn = q + np.linspace(0.0, 1.5, 20)[:, None] * np.array([1.0, 0.0, 0.0, 0.0, 0.0, -1.0])
+    reply = operator.bus.request("planner/learn", Demonstration(q_rad=turn), LearnReply, timeout_s=30.0)
+    assert reply.added_neurons > 0
+
+    def is_taken_in() -> bool:
+        return operator.status is not None and operator.status.n_neurons == reply.n_neurons
+
+    operator.until(is_taken_in, "the grown map", READY_WITHIN_S)
+    assert operator.status is not None and operator.status.held == BOX
     operator.go(OVER_PICK)
 
 
@@ -69,9 +109,6 @@ def clearance_is_less_by_m(operator: Operator) -> float:
 def test_the_planner_goes_on_while_it_makes_the_table(operator: Operator) -> None:
     """Another size, so that nothing is kept of it; a planner that is silent for 0.25 s counts as gone, and the arm would say so."""
     other = HeldBox(size_m=[0.04, 0.06, 0.07], position_m=[0.0, 0.0, 0.03])
-    operator.send(OVER_PLACE, speed_scale=0.5)
-    operator.bus.request("planner/cancel", Empty(), Ack)
-    operator.until(lambda: operator.robot is not None and operator.robot.mode == "idle", "the arm stands")
     statuses = operator.bus.queue("planner/status", PlannerStatus)
     operator.bus.request("robot/grasp", Grasp(op="grasp", box=other), Ack)
     goal_id = operator.send(OVER_PLACE)
