@@ -8,6 +8,8 @@ from collections.abc import Iterator
 import numpy as np
 import pytest
 
+from clients.cli.main import main
+from clients.stack import OwnStack
 from common.bus.session import Bus, RemoteError
 from common.wire.messages import (
     Ack,
@@ -153,6 +155,20 @@ def test_a_box_that_cannot_be_held_is_told_and_nothing_moves_until_it_is_gone(op
     assert operator.robot is not None and operator.robot.mode == "idle" and operator.robot.trajectory_id == ""
     operator.bus.request("robot/grasp", Grasp(op="release"), Ack)
     operator.until(lambda: operator.reached(goal_id), "the goal, without the box", 60.0)
+
+
+def test_the_command_waits_until_the_planner_is_ready_or_says_why_not(
+    operator: Operator, stack: OwnStack, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def grasp(*words: str) -> int:
+        return main(["grasp", *words, "--connect", stack.address.endpoint, "--namespace", stack.address.namespace])
+
+    assert grasp("--box", "0.05", "0.05", "0.08", "--at", "0", "0", "0.03") == 0
+    assert "held; the planner is ready after" in capsys.readouterr().out
+    operator.until(lambda: held_size(operator) == BOX.size_m, "the planner is ready for the box", 5.0)
+    assert grasp("--box", "0.05", "0.05", "0.9") == 1 and "0.9" in capsys.readouterr().err
+    assert grasp("--box", "0.2", "0.2", "0.2", "--at", "0", "0", "-0.15") == 1 and "the box is in" in capsys.readouterr().err
+    assert grasp("--release") == 0 and "released" in capsys.readouterr().out
 
 
 def test_an_arm_in_motion_grasps_nothing(operator: Operator) -> None:

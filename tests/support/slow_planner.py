@@ -9,7 +9,7 @@ import numpy as np
 from common.robot.kernels import BodyGrids, body_distance
 from services.planner.kernels.collision import Arm
 
-__all__ = ["near_by_rounding", "slow_counts", "slow_dijkstra", "slow_near", "slow_pose_cells", "slow_touches"]
+__all__ = ["slow_counts", "slow_dijkstra", "slow_near", "slow_pose_cells", "slow_touches"]
 
 
 def slow_touches(arm: Arm, b: int, frame: np.ndarray, centre: np.ndarray, half: float, safety: float) -> bool:
@@ -81,15 +81,3 @@ def slow_dijkstra(n: int, edges: dict[tuple[int, int], float], starts: dict[int,
                 best[other] = cost + length
                 heapq.heappush(heap, (cost + length, other))
     return min((best[node] + cost for node, cost in goals.items()), default=np.inf)
-
-
-def near_by_rounding(arm: Arm, frames: np.ndarray, centre: np.ndarray, half: float, safety: float) -> bool:
-    """Whether only the rounding of distance grids brings a cell near: it lies beyond the inflated box of every body that it touches."""
-    reach = safety + half * np.sqrt(3.0)
-    for b in np.flatnonzero(arm.moving):
-        frame = frames[arm.grids.body_joint[b]]
-        own = frame[:3, :3].T @ (centre - frame[:3, 3])
-        within = np.all((own >= arm.grids.box_min_m[b] - reach) & (own <= arm.grids.box_max_m[b] + reach))
-        if within and slow_touches(arm, int(b), frame, centre, half, safety):
-            return False
-    return True

@@ -27,7 +27,7 @@ from services.planner.kernels.moves import segment_steps
 from tests.support.cell import ur3_cell
 from tests.support.slow_layers import slow_pose_bands
 from tests.support.slow_merging import slow_union
-from tests.support.slow_planner import near_by_rounding, slow_pose_cells
+from tests.support.slow_planner import slow_pose_cells
 
 BOX = Payload((0.06, 0.12, 0.16), (0.01, 0.0, 0.06), (0.0, 0.0, 0.3827, 0.9239))
 GRID = Grid((-0.8, -0.8, 0.0), (40, 40, 25), 0.04)
@@ -158,12 +158,10 @@ def test_a_box_on_a_map_that_grows_is_the_box_on_the_grown_map(loaded: Loaded, b
 def test_nothing_that_the_box_sweeps_is_missing(loaded: Loaded) -> None:
     table, half_m = loaded.held.table, GRID.resolution_m / 2
     centres = GRID.centres(np.arange(GRID.n_cells))
-    for k in range(3):
+    for k in range(6):
         frames = loaded.robot.joint_poses(loaded.held.neurons_rad[k][None])[0]
         brute = set(np.flatnonzero(slow_pose_cells(loaded.arm.arm, frames, centres, half_m, SAFETY_M)).tolist())
-        row = _rows_of(table.node_offset, table.node_owner, k) | set(table.unavoidable.tolist())
-        assert row - set(table.unavoidable.tolist()) <= brute
-        assert all(near_by_rounding(loaded.arm.arm, frames, centres[cell], half_m, SAFETY_M) for cell in brute - row)
+        assert _rows_of(table.node_offset, table.node_owner, k) == brute - set(table.unavoidable.tolist())
 
 
 def test_edges_have_what_each_body_sweeps_at_its_own_steps(loaded: Loaded) -> None:
