@@ -7,20 +7,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import TolmanError
 from common.geometry.transforms import quaternion_of
+from common.robot.payload import Payload
 from common.wire.messages import PlanRequest, Pose, SetGoal
 from services.planner.assemble import Parts
+from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.found import NO_NEURON
 from services.planner.core.growth import Addition, grown
 from services.planner.core.layer_table import LayerTable
-from services.planner.core.lookup import BlockedCounts, LookupTable, cells_of_pose
+from services.planner.core.layers import build_layers
+from services.planner.core.lookup import BlockedCounts, LookupTable, build_table, cells_of_pose
 from services.planner.core.motion import Ask, Motion, Stopwatch
 from services.planner.core.repair import Repair, tightened
+from services.planner.core.roadmap import Roadmap
 from services.planner.core.timing import brake
 from services.planner.core.two_trees import Bounds, Joined, seed_of
 from services.planner.core.world import World, cells_of
@@ -28,7 +33,7 @@ from services.planner.kernels.merging import append_owners, copy_rows
 from services.planner.learner import Lesson, Student
 from services.planner.questions import QuestionDesk
 
-__all__ = ["rehearse", "rehearse_learning"]
+__all__ = ["rehearse", "rehearse_holding", "rehearse_learning"]
 
 REPAIR_SAMPLES = 60
 
@@ -101,3 +106,17 @@ def rehearse_learning(student: Student, parts: Parts) -> None:
     none, cursor = np.zeros(1, dtype=np.uint8), np.zeros(1, dtype=np.int64)
     copy_rows(offset, owner, none, 1, offset, owner, cursor)
     append_owners(offset, cell[:0], none, 1, cursor, owner)
+
+
+def rehearse_holding(parts: Parts) -> None:
+    """Get ready for a box on a map of two neurons, that then grows by one."""
+    q = parts.roadmap.neurons_rad[:2]
+    learned = CognitiveMap(np.ascontiguousarray(q), np.array([[0, 1]], dtype=np.int32)[: len(q) - 1])
+    ground = parts.ground
+    table = build_table(ground.arm, ground.grid, learned.q_rad, learned.edges, safety_m=ground.safety_m, step_m=ground.step_m)
+    if ground.layers is not None:
+        table = replace(table, layers=build_layers(ground.layers, learned.q_rad, learned.edges))
+    two = parts.on(Roadmap.of(learned, table, parts.roadmap.model))
+    three = parts.on(grown(two.roadmap, Addition(q.mean(axis=0)[None], np.array([[0, 2]], dtype=np.int32)), ground))
+    with suppress(TolmanError):
+        three.holding(two.load(Payload((0.04, 0.04, 0.04))).on(three.roadmap))

@@ -21,6 +21,8 @@ from common.wire.messages import (
     Ack,
     Clearance,
     Empty,
+    Grasp,
+    HeldBox,
     RobotState,
     Scene,
     ServiceHealth,
@@ -172,6 +174,29 @@ def test_stop_resume_and_refusals_are_told(cell: Cell) -> None:
     cell.until("the refusal in the reason", lambda s: "refused" in s.reason)
     assert cell.health().counters["trajectories_refused"] == refused + 1
     cell.ask("resume")
+    cell.send(HOME)
+    cell.until("home again", lambda s: s.mode == "idle" and np.allclose(s.q_rad, HOME, atol=1e-3))
+
+
+def test_only_motions_that_reckon_with_what_is_held_are_driven(cell: Cell) -> None:
+    def grasp(box: HeldBox | None) -> None:
+        cell.bus.request("robot/grasp", Grasp(op="release" if box is None else "grasp", box=box), Ack)
+
+    box = HeldBox(size_m=[0.05, 0.05, 0.08])
+    grasp(box)
+    assert cell.until("the box is told", lambda s: s.held is not None).held == box
+    for wrong in (None, HeldBox(size_m=[0.05, 0.05, 0.09])):
+        sent = cell.send(AWAY, held=wrong)
+        refused = cell.until("the refusal", lambda s, id=sent.id: s.trajectory_refused_id == id)  # type: ignore[misc]
+        assert "what the gripper holds" in refused.reason and refused.mode == "idle"
+    cell.send(AWAY, held=box)
+    cell.until("tracking", lambda s: s.mode == "tracking" and s.trajectory_time_s > 0.1)
+    grasp(box)  # the same again: nothing to do
+    with pytest.raises(RemoteError, match="moving"):
+        grasp(None)
+    cell.until("there", lambda s: s.mode == "idle" and np.allclose(s.q_rad, AWAY, atol=1e-3))
+    grasp(None)
+    assert cell.until("nothing is held", lambda s: s.held is None).mode == "idle"
     cell.send(HOME)
     cell.until("home again", lambda s: s.mode == "idle" and np.allclose(s.q_rad, HOME, atol=1e-3))
 

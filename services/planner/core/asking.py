@@ -31,6 +31,10 @@ class Asker:
         self._recent_answers_s: deque[float] = deque(maxlen=BUDGET_ANSWERS)
         self._next_branch = 0
 
+    def rearm(self, planner: MotionPlanner) -> None:
+        """Ask another planner from now on."""
+        self._planner = planner
+
     def begin(self) -> None:
         """There is a new goal: the nearest branches come first."""
         self._next_branch = 0
