@@ -313,7 +313,10 @@ class CancelGoal(Message, frozen=True, kw_only=True):
 
 
 class PlanRequest(Message, frozen=True, kw_only=True, eq=False):
-    """A question: plan without moving anything. Absent fields mean: from here, on the live cells, as configured."""
+    """A question: plan without moving anything. Absent fields mean: from here, on the live cells, as configured.
+
+    ``refine``: wait some milliseconds more for a shorter path; absent: the first answer.
+    """
 
     q_start_rad: F64 | None = None
     goal: SetGoal
@@ -324,6 +327,7 @@ class PlanRequest(Message, frozen=True, kw_only=True, eq=False):
     rules: Rules | None = None
     smooth: bool | None = None
     ways: list[Way] | None = None
+    refine: bool | None = None
 
 
 class PlanReply(Message, frozen=True, kw_only=True, eq=False):

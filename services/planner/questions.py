@@ -99,7 +99,8 @@ class QuestionDesk:
         answer = self._answer(world, Ask(q_start, q_start, None, rules, search, smooth, speed), branches, ways, watch)
         watch.add("total", began)
         if isinstance(answer, Motion):
-            answer = self._planner.refined(world, Ask(q_start, answer.path.q_rad[-1], None, rules, search, smooth, speed), answer, watch)
+            ask = Ask(q_start, answer.path.q_rad[-1], None, rules, search, smooth, speed)
+            answer = self._planner.refined(world, ask, answer, watch) if request.refine else answer
             return _reply(answer, smooth, watch.ms, self._parts.held)
         return _refusal(answer, len(q_start), watch.ms)
 

@@ -18,7 +18,7 @@ from common.robot.payload import Payload
 from common.wire.messages import PlanRequest, Pose, SetGoal
 from services.planner.assemble import Parts
 from services.planner.core.cognitive_map import CognitiveMap
-from services.planner.core.found import NO_NEURON
+from services.planner.core.found import NO_NEURON, FoundPath
 from services.planner.core.growth import Addition, grown
 from services.planner.core.layer_table import LayerTable
 from services.planner.core.layers import build_layers
@@ -88,6 +88,8 @@ def _move(parts: Parts, clock_ns: Callable[[], int], home: F64, far: F64) -> Non
     checker.hand_meets(vision.world.recent, curve, parts.hand)
     planner.answer(World.of(parts.grid, vision.counts), Ask(q, far), watch)
     vision.see(0.1, np.empty(0, dtype=np.int32))
+    corner = FoundPath(np.full(1, NO_NEURON, dtype=np.int32), np.array([home, home + 0.1, far]), 0.0)
+    planner.refined(vision.world, Ask(home, far), replace(motion, path=corner), watch)
 
 
 def rehearse_learning(student: Student, parts: Parts) -> None:
