@@ -35,6 +35,7 @@ PoseCheck = Callable[[F64], bool]  # q (J,): free?
 MotionCheck = Callable[[F64, F64], bool]  # from, to (J,): free?
 
 BRIDGE_ATTEMPTS = 50  # our choice: pairs of neurons that are tried to join a component
+FIRST_ASKED = 8  # our choice: nearest neurons looked at first for one of another component
 
 
 def prune(
@@ -84,27 +85,49 @@ def _with_free_edges(kept: CognitiveMap, motion_is_free: MotionCheck) -> Cogniti
 
 def join_components(apart: CognitiveMap, motion_is_free: MotionCheck, bridge_max_rad: float) -> CognitiveMap:
     """Bridges of free edges, shortest first, from each component to any other, until none is left that can be joined."""
-    edges = apart.edges
+    edges, tree = apart.edges, KDTree(apart.q_rad)
     while True:
         labels = components(apart.n_neurons, edges)
         apart_ones = np.argsort(-np.bincount(labels), kind="stable")[1:]  # all but the largest
-        bridges = [_bridge(apart.q_rad, labels == c, motion_is_free, bridge_max_rad) for c in apart_ones]
+        bridges = [_bridge(tree, apart.q_rad, labels == c, motion_is_free, bridge_max_rad) for c in apart_ones]
         found = [bridge for bridge in bridges if bridge is not None]
         if not found:
             return CognitiveMap.of(apart.q_rad, edges)
         edges = CognitiveMap.of(apart.q_rad, np.vstack([edges, found])).edges
 
 
-def _bridge(q_rad: F64, inside: NDArray[np.bool_], motion_is_free: MotionCheck, bridge_max_rad: float) -> tuple[int, int] | None:
-    here, there = np.flatnonzero(inside), np.flatnonzero(~inside)
-    distance, nearest = KDTree(q_rad[there]).query(q_rad[here], distance_upper_bound=bridge_max_rad)
+def _bridge(
+    tree: KDTree, q_rad: F64, inside: NDArray[np.bool_], motion_is_free: MotionCheck, bridge_max_rad: float
+) -> tuple[int, int] | None:
+    here = np.flatnonzero(inside)
+    distance, nearest = _nearest_outside(tree, q_rad, inside, bridge_max_rad)
     for k in np.argsort(distance, kind="stable")[:BRIDGE_ATTEMPTS]:
         if not np.isfinite(distance[k]):
             break
-        a, b = int(here[k]), int(there[nearest[k]])
+        a, b = int(here[k]), int(nearest[k])
         if motion_is_free(q_rad[a], q_rad[b]):
             return a, b
     return None
+
+
+def _nearest_outside(tree: KDTree, q_rad: F64, inside: NDArray[np.bool_], most_rad: float) -> tuple[F64, NDArray[np.intp]]:
+    """For each neuron that is ``inside``, in order, the nearest one that is not, and its distance; infinite beyond ``most_rad``.
+
+    ``tree`` has all neurons: more and more of them are asked for until one is outside.
+    """
+    here = np.flatnonzero(inside)
+    distance, nearest = np.full(len(here), np.inf), np.full(len(here), -1, dtype=np.intp)
+    open_ones, k = np.arange(len(here)), FIRST_ASKED
+    while len(open_ones):
+        k = min(k, len(inside))
+        d, who = tree.query(q_rad[here[open_ones]], k=np.arange(1, k + 1), distance_upper_bound=most_rad)
+        is_outside = np.isfinite(d) & ~np.append(inside, True)[who]  # who is len(inside) where there is none
+        first = np.argmax(is_outside, axis=1)
+        found = is_outside[np.arange(len(first)), first]
+        distance[open_ones[found]], nearest[open_ones[found]] = d[found, first[found]], who[found, first[found]]
+        has_more = np.isfinite(d[:, -1]) & (k < len(inside))
+        open_ones, k = open_ones[~found & has_more], 4 * k
+    return distance, nearest
 
 
 def largest_component(joined: CognitiveMap) -> CognitiveMap:
@@ -124,16 +147,24 @@ def fill_up(whole: CognitiveMap, samples_rad: F64, n_neurons: int, motion_is_fre
     q[:n] = whole.q_rad
     edges = [whole.edges.astype(np.int64)]
     distance, _ = KDTree(whole.q_rad).query(samples_rad)
+    samples = KDTree(samples_rad)
     while n < n_neurons and distance.max() > 0.0:
         worst = int(np.argmax(distance))
         sample = samples_rad[worst]
-        nearest = np.argsort(np.linalg.norm(q[:n] - sample, axis=1), kind="stable")[:join_neighbours]
-        free = [int(k) for k in nearest if motion_is_free(q[k], sample)]
+        free = [k for k in _nearest(q[:n], sample, join_neighbours) if motion_is_free(q[k], sample)]
         if not free:
             distance[worst] = 0.0  # cannot be joined from here: left out
             continue
         q[n] = sample
         edges.append(np.array([(k, n) for k in free], dtype=np.int64))
-        distance = np.minimum(distance, np.linalg.norm(samples_rad - sample, axis=1))
+        nearer = samples.query_ball_point(sample, distance[worst])  # no sample was farther from the map than this one
+        distance[nearer] = np.minimum(distance[nearer], np.linalg.norm(samples_rad[nearer] - sample, axis=1))
         n += 1
     return CognitiveMap.of(q[:n], np.vstack(edges))
+
+
+def _nearest(q_rad: F64, q: F64, n: int) -> list[int]:
+    """The ``n`` nearest to ``q`` (J,), nearest first, of equals the lower index."""
+    distance = np.linalg.norm(q_rad - q, axis=1)
+    near = np.flatnonzero(distance <= np.partition(distance, min(n, len(distance)) - 1)[min(n, len(distance)) - 1])
+    return [int(k) for k in near[np.argsort(distance[near], kind="stable")[:n]]]
