@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from rich.progress import track
 
-from benchmarks.answers import Answer, Answerer, fallback_of
+from benchmarks.answers import Answer, Answerer, fallback_of, percentiles
 from benchmarks.provenance import provenance
 from benchmarks.questions import SETS, Question, questions
 from benchmarks.referee import Referee, at_steps
@@ -99,7 +99,7 @@ def _figures(answers: list[Answer], n_solvable: int, collisions: int) -> dict[st
         "all_ways": _all_ways(answers, n_solvable),
         "collisions": collisions,
         "fell_back": sum(isinstance(answer.motion, Motion) and answer.motion.fell_back for answer in answers),
-        **{f"{stage}_ms": _percentiles(values) for stage, values in milliseconds.items() if values},
+        **{f"{stage}_ms": percentiles(values) for stage, values in milliseconds.items() if values},
     }
 
 
@@ -111,17 +111,12 @@ def _all_ways(answers: list[Answer], n_solvable: int) -> dict[str, Any]:
         figures[f"solved_share_within_{within_s:g}_s"] = sum(ms <= within_s * 1e3 for ms in took_ms) / max(1, n_solvable)
     for way in ("map", "repair", "fallback"):
         mine = [answer.ms["answer"] for answer in answers if answer.way == way]
-        figures[way] = {"n_solved": len(mine), **({"ms": _percentiles(mine)} if mine else {})}
+        figures[way] = {"n_solved": len(mine), **({"ms": percentiles(mine)} if mine else {})}
     again = [answer.ms["answer"] for answer in answers if answer.way == "map" and "repair" in answer.ms]
     figures["map"]["n_by_more_connections"] = len(again)
     unsolved = [answer.ms["answer"] for answer in answers if answer.way is None]
-    figures["unsolved"] = {"n": len(unsolved), **({"ms": _percentiles(unsolved)} if unsolved else {})}
+    figures["unsolved"] = {"n": len(unsolved), **({"ms": percentiles(unsolved)} if unsolved else {})}
     return figures
-
-
-def _percentiles(values: list[float]) -> dict[str, float]:
-    p50, p95, p99 = np.percentile(values, [50, 95, 99])
-    return {"p50": round(float(p50), 3), "p95": round(float(p95), 3), "p99": round(float(p99), 3), "max": round(max(values), 3)}
 
 
 def _digest(answers: list[Answer]) -> str:
