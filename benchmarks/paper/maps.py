@@ -79,8 +79,8 @@ def kept_map(job: Job, name: str, inputs: Any, learn: Callable[[], CognitiveMap]
         step_m=margins.step_m,
         progress=lambda done, total: progress("table", done / total),
     )
-    rows = {f"table_{key}": array for key, array in table.arrays().items()}
-    arrays = {"neurons_rad": learned.q_rad, "edges": learned.edges, **rows}
+    arrays: dict[str, Any] = {"neurons_rad": learned.q_rad, "edges": learned.edges}
+    arrays |= {f"table_{key}": array for key, array in table.arrays().items()}
     artefact.write(path, artefact.Artefact(arrays, {"inputs": digest}))
     return KeptMap(learned, table)
 

@@ -28,6 +28,7 @@ __all__ = [
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
+Triple = tuple[float, float, float]
 Nearest = tuple[int, float, int, float]  # best unit, its squared distance, second best, its squared distance
 
 MAX_DEGREE = 48  # measured: largest degree 20 at 10 000 units in six dimensions; if ever full, the oldest edge makes room
@@ -66,23 +67,23 @@ class Gas(NamedTuple):
     bucket_of: I32  # (C,)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _along(gas: Gas, point: F64, k: int) -> float:
     """Place of ``point`` (J,) along direction ``k``, from the lowest bucket on."""
     total = -gas.bucket_low[k]
     for j in range(point.shape[0]):
         total += gas.bucket_direction[k, j] * point[j]
-    return total
+    return float(total)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _cell(gas: Gas, along: float, k: int) -> int:
     """Bucket along direction ``k``; the outermost ones hold what lies beyond."""
     cell = int(np.floor(along / gas.bucket_width[k]))
     return int(min(max(cell, 0), gas.bucket_shape[k] - 1))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _bucket(gas: Gas, point: F64) -> int:
     flat = _cell(gas, _along(gas, point, 0), 0) * gas.bucket_shape[1] + _cell(gas, _along(gas, point, 1), 1)
     return int(flat * gas.bucket_shape[2] + _cell(gas, _along(gas, point, 2), 2))
@@ -165,7 +166,7 @@ def remove_unit(gas: Gas, unit: int) -> None:
     gas.counts[N_ALIVE] -= 1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def move_unit(gas: Gas, unit: int, point: F64, rate: float) -> None:
     """Move a unit by the share ``rate`` of the way to ``point`` (J,)."""
     for j in range(point.shape[0]):
@@ -176,16 +177,16 @@ def move_unit(gas: Gas, unit: int, point: F64, rate: float) -> None:
         _link(gas, unit, bucket)
 
 
-@njit(cache=True, nogil=True)
-def _squared_distance(gas: Gas, unit: int, point: F64) -> float:
+@njit(cache=True, nogil=True, inline="always")
+def _squared_distance(weight: F64, unit: int, point: F64) -> float:
     total = 0.0
     for j in range(point.shape[0]):
-        d = point[j] - gas.weight[unit, j]
+        d = point[j] - weight[unit, j]
         total += d * d
     return total
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _consider(unit: int, d: float, s1: int, d1: float, s2: int, d2: float) -> Nearest:
     """The two nearest after seeing one more unit; ties go to the lower slot."""
     if d < d1 or (d == d1 and unit < s1):
@@ -195,27 +196,26 @@ def _consider(unit: int, d: float, s1: int, d1: float, s2: int, d2: float) -> Ne
     return s1, d1, s2, d2
 
 
-@njit(cache=True, nogil=True)
-def _unseen_from(gas: Gas, along: F64, cell: I64, ring: int) -> float:
-    """A lower bound of the distance from a point at ``along`` (3,) in bucket ``cell`` (3,) to any unit outside the rings 0..ring."""
+@njit(cache=True, nogil=True, inline="always")
+def _unseen_from(along: Triple, cell: tuple[int, int, int], shape: tuple[int, int, int], width: Triple, ring: int) -> float:
+    """A lower bound of the distance from a point at ``along`` in bucket ``cell`` to any unit outside the rings 0..ring around it."""
     bound = np.inf
     for k in range(3):
         if cell[k] - ring > 0:
-            bound = min(bound, along[k] - (cell[k] - ring) * gas.bucket_width[k])
-        if cell[k] + ring < gas.bucket_shape[k] - 1:
-            bound = min(bound, (cell[k] + ring + 1) * gas.bucket_width[k] - along[k])
+            bound = min(bound, along[k] - (cell[k] - ring) * width[k])
+        if cell[k] + ring < shape[k] - 1:
+            bound = min(bound, (cell[k] + ring + 1) * width[k] - along[k])
     return bound - ROUNDING
 
 
-@njit(cache=True, nogil=True)
-def _squared_gap(gas: Gas, along: F64, cell: I64, k: int, other: int) -> float:
-    """A lower bound of the squared distance along direction ``k`` to what lies in the buckets ``other`` of it."""
+@njit(cache=True, nogil=True, inline="always")
+def _squared_gap(along: float, width: float, cell: int, other: int) -> float:
+    """A lower bound of the squared distance, along one direction, from a point in ``cell`` to what lies in the buckets ``other``."""
     gap = 0.0
-    if other > cell[k]:
-        gap = other * gas.bucket_width[k] - along[k]
-    elif other < cell[k]:
-        gap = along[k] - (other + 1) * gas.bucket_width[k]
-    gap = max(gap - ROUNDING, 0.0)
+    if other > cell:
+        gap = max(other * width - along - ROUNDING, 0.0)
+    elif other < cell:
+        gap = max(along - (other + 1) * width - ROUNDING, 0.0)
     return gap * gap
 
 
@@ -224,17 +224,7 @@ def _scan(gas: Gas, point: F64) -> Nearest:
     s1, d1, s2, d2 = -1, np.inf, -1, np.inf
     for unit in range(gas.counts[N_SLOTS]):
         if gas.degree[unit] >= 0:
-            s1, d1, s2, d2 = _consider(unit, _squared_distance(gas, unit, point), s1, d1, s2, d2)
-    return s1, d1, s2, d2
-
-
-@njit(cache=True, nogil=True)
-def _search_bucket(gas: Gas, bucket: int, point: F64, so_far: Nearest) -> Nearest:
-    s1, d1, s2, d2 = so_far
-    unit = int(gas.bucket_head[bucket])
-    while unit >= 0:
-        s1, d1, s2, d2 = _consider(unit, _squared_distance(gas, unit, point), s1, d1, s2, d2)
-        unit = int(gas.bucket_next[unit])
+            s1, d1, s2, d2 = _consider(unit, _squared_distance(gas.weight, unit, point), s1, d1, s2, d2)
     return s1, d1, s2, d2
 
 
@@ -247,24 +237,29 @@ def nearest_two(gas: Gas, point: F64) -> Nearest:
     if gas.counts[N_ALIVE] < FEW_UNITS:
         found: Nearest = _scan(gas, point)
         return found
-    found = (-1, np.inf, -1, np.inf)
-    shape, along, cell = gas.bucket_shape, np.empty(3), np.empty(3, dtype=np.int64)
-    for k in range(3):
-        along[k] = _along(gas, point, k)
-        cell[k] = _cell(gas, along[k], k)
-    for ring in range(max(shape[0], shape[1], shape[2])):
-        for x in range(max(cell[0] - ring, 0), min(cell[0] + ring, shape[0] - 1) + 1):
-            gap_x = _squared_gap(gas, along, cell, 0, x)
-            for y in range(max(cell[1] - ring, 0), min(cell[1] + ring, shape[1] - 1) + 1):
-                gap_xy = gap_x + _squared_gap(gas, along, cell, 1, y)
-                if gap_xy > found[3]:
+    weight, after, head = gas.weight, gas.bucket_next, gas.bucket_head  # a call that is given all of the gas costs more than a look
+    nx, ny, nz = gas.bucket_shape[0], gas.bucket_shape[1], gas.bucket_shape[2]
+    wx, wy, wz = gas.bucket_width[0], gas.bucket_width[1], gas.bucket_width[2]
+    px, py, pz = _along(gas, point, 0), _along(gas, point, 1), _along(gas, point, 2)
+    cx, cy, cz = _cell(gas, px, 0), _cell(gas, py, 1), _cell(gas, pz, 2)
+    s1, d1, s2, d2 = -1, np.inf, -1, np.inf
+    for ring in range(max(nx, ny, nz)):
+        for x in range(max(cx - ring, 0), min(cx + ring, nx - 1) + 1):
+            gap_x = _squared_gap(px, wx, cx, x)
+            for y in range(max(cy - ring, 0), min(cy + ring, ny - 1) + 1):
+                gap_xy = gap_x + _squared_gap(py, wy, cy, y)
+                if gap_xy > d2:
                     continue
-                on_shell = abs(x - cell[0]) == ring or abs(y - cell[1]) == ring
+                on_shell = abs(x - cx) == ring or abs(y - cy) == ring
                 step = 1 if on_shell or ring == 0 else 2 * ring
-                for z in range(cell[2] - ring, cell[2] + ring + 1, step):
-                    if 0 <= z < shape[2] and gap_xy + _squared_gap(gas, along, cell, 2, z) <= found[3]:
-                        found = _search_bucket(gas, (x * shape[1] + y) * shape[2] + z, point, found)
-        bound = _unseen_from(gas, along, cell, ring)
-        if bound > 0.0 and found[3] < bound * bound:
+                for z in range(cz - ring, cz + ring + 1, step):
+                    if z < 0 or z >= nz or gap_xy + _squared_gap(pz, wz, cz, z) > d2:
+                        continue
+                    unit = int(head[(x * ny + y) * nz + z])
+                    while unit >= 0:
+                        s1, d1, s2, d2 = _consider(unit, _squared_distance(weight, unit, point), s1, d1, s2, d2)
+                        unit = int(after[unit])
+        bound = _unseen_from((px, py, pz), (cx, cy, cz), (nx, ny, nz), (wx, wy, wz), ring)
+        if bound > 0.0 and d2 < bound * bound:
             break
-    return found
+    return s1, d1, s2, d2

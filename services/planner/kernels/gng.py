@@ -17,7 +17,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, inline="always")
 def _place(gas: Gas, a: int, b: int) -> int:
     for k in range(gas.degree[a]):
         if gas.neighbour[a, k] == b:

@@ -35,7 +35,7 @@ PoseCheck = Callable[[F64], bool]  # q (J,): free?
 MotionCheck = Callable[[F64, F64], bool]  # from, to (J,): free?
 
 BRIDGE_ATTEMPTS = 50  # our choice: pairs of neurons that are tried to join a component
-FIRST_ASKED = 8  # our choice: nearest neurons looked at first for one of another component
+FEW = 64  # neurons of a component whose nearest others are found in a tree of all; of more, a tree of the others is made; our choice
 
 
 def prune(
@@ -113,21 +113,17 @@ def _bridge(
 def _nearest_outside(tree: KDTree, q_rad: F64, inside: NDArray[np.bool_], most_rad: float) -> tuple[F64, NDArray[np.intp]]:
     """For each neuron that is ``inside``, in order, the nearest one that is not, and its distance; infinite beyond ``most_rad``.
 
-    ``tree`` has all neurons: more and more of them are asked for until one is outside.
+    ``tree`` has all neurons: of a few inside, one more than they are has one that is outside among its nearest.
     """
-    here = np.flatnonzero(inside)
-    distance, nearest = np.full(len(here), np.inf), np.full(len(here), -1, dtype=np.intp)
-    open_ones, k = np.arange(len(here)), FIRST_ASKED
-    while len(open_ones):
-        k = min(k, len(inside))
-        d, who = tree.query(q_rad[here[open_ones]], k=np.arange(1, k + 1), distance_upper_bound=most_rad)
-        is_outside = np.isfinite(d) & ~np.append(inside, True)[who]  # who is len(inside) where there is none
-        first = np.argmax(is_outside, axis=1)
-        found = is_outside[np.arange(len(first)), first]
-        distance[open_ones[found]], nearest[open_ones[found]] = d[found, first[found]], who[found, first[found]]
-        has_more = np.isfinite(d[:, -1]) & (k < len(inside))
-        open_ones, k = open_ones[~found & has_more], 4 * k
-    return distance, nearest
+    here, there = np.flatnonzero(inside), np.flatnonzero(~inside)
+    if len(there) == 0 or len(here) > FEW:
+        distance, which = KDTree(q_rad[there]).query(q_rad[here], distance_upper_bound=most_rad)
+        return distance, np.append(there, -1)[which]
+    distances, who = tree.query(q_rad[here], k=np.arange(1, len(here) + 2), distance_upper_bound=most_rad)
+    is_inside = np.append(inside, False)[who]  # who is the number of all neurons, and infinitely far, where there is none
+    first = np.argmin(is_inside, axis=1)
+    row = np.arange(len(here))
+    return distances[row, first], who[row, first]
 
 
 def largest_component(joined: CognitiveMap) -> CognitiveMap:
