@@ -20,7 +20,7 @@ from services.planner.core.ways import Sampler, Thinking, ThinkingRules, think
 from services.planner.core.world import World
 from services.planner.fallback.process import FallbackProcess
 
-__all__ = ["Answer", "Answerer", "fallback_of"]
+__all__ = ["Answer", "Answerer", "fallback_of", "percentiles"]
 
 F64 = NDArray[np.float64]
 READY_WITHIN_S = 300.0  # the first start on a machine compiles
@@ -98,3 +98,9 @@ def fallback_of(parts: Parts) -> Iterator[Sampler | None]:
         yield process.send
     finally:
         process.close()
+
+
+def percentiles(values: list[float]) -> dict[str, float]:
+    """p50, p95, p99 and the largest of one value at least."""
+    p50, p95, p99 = np.percentile(values, [50, 95, 99])
+    return {"p50": round(float(p50), 3), "p95": round(float(p95), 3), "p99": round(float(p99), 3), "max": round(max(values), 3)}

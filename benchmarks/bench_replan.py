@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from rich.progress import track
 
-from benchmarks.answers import Answer, Answerer, fallback_of
+from benchmarks.answers import Answer, Answerer, fallback_of, percentiles
 from benchmarks.provenance import provenance
 from benchmarks.questions import SETS, Question, questions
 from benchmarks.referee import Referee, at_steps
@@ -102,14 +102,14 @@ def _figures(answers: list[Answer], n_solvable: int, collisions: int) -> dict[st
         "collisions": collisions,
         "refined_to_first_length": _shortened(by_map),
         "fell_back": sum(isinstance(answer.motion, Motion) and answer.motion.fell_back for answer in answers),
-        **{f"{stage}_ms": _percentiles(values) for stage, values in milliseconds.items() if values},
+        **{f"{stage}_ms": percentiles(values) for stage, values in milliseconds.items() if values},
     }
 
 
 def _shortened(answers: list[Answer]) -> dict[str, float]:
     """Length of refined answers as a share of the first ones'."""
     pairs = [(a.refined, a.motion) for a in answers]
-    return _percentiles([b.length_rad / a.length_rad for b, a in pairs if b is not None and isinstance(a, Motion) and a.length_rad > 0.0])
+    return percentiles([b.length_rad / a.length_rad for b, a in pairs if b is not None and isinstance(a, Motion) and a.length_rad > 0.0])
 
 
 def _all_ways(answers: list[Answer], n_solvable: int) -> dict[str, Any]:
@@ -120,17 +120,12 @@ def _all_ways(answers: list[Answer], n_solvable: int) -> dict[str, Any]:
         figures[f"solved_share_within_{within_s:g}_s"] = sum(ms <= within_s * 1e3 for ms in took_ms) / max(1, n_solvable)
     for way in ("map", "repair", "fallback"):
         mine = [answer.ms["answer"] for answer in answers if answer.way == way]
-        figures[way] = {"n_solved": len(mine), **({"ms": _percentiles(mine)} if mine else {})}
+        figures[way] = {"n_solved": len(mine), **({"ms": percentiles(mine)} if mine else {})}
     again = [answer.ms["answer"] for answer in answers if answer.way == "map" and "repair" in answer.ms]
     figures["map"]["n_by_more_connections"] = len(again)
     unsolved = [answer.ms["answer"] for answer in answers if answer.way is None]
-    figures["unsolved"] = {"n": len(unsolved), **({"ms": _percentiles(unsolved)} if unsolved else {})}
+    figures["unsolved"] = {"n": len(unsolved), **({"ms": percentiles(unsolved)} if unsolved else {})}
     return figures
-
-
-def _percentiles(values: list[float]) -> dict[str, float]:
-    p50, p95, p99 = np.percentile(values, [50, 95, 99])
-    return {"p50": round(float(p50), 3), "p95": round(float(p95), 3), "p99": round(float(p99), 3), "max": round(max(values), 3)}
 
 
 def _digest(answers: list[Answer]) -> str:

@@ -1,7 +1,7 @@
 """The one generator of questions behind every figure: named sets, one question from one seed.
 
-* ``task``: unseen inverse-kinematics poses of the pick and the place region; 1 to 3 random boxes of 200 to 1 000 cells in all, which leave
-  start and goal free and block the straight joint line between them.
+* ``task``: unseen inverse-kinematics poses of the pick and the place region; 1 to 3 random boxes of 200 to 1 000 cells of 2 cm in all (as
+  much space in cells of another size), which leave start and goal free and block the straight joint line between them.
 * ``off_task``: start and goal uniform in joint space and free; boxes as for ``task``.
 * ``wall``: as ``task``, but the boxes block more than half of the map's neurons.
 """
@@ -28,7 +28,7 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
 SETS = ("task", "off_task", "wall")
-CELLS_MIN, CELLS_MAX = 200, 1000  # issue
+CELLS_MIN, CELLS_MAX, CELL_M = 200, 1000, 0.02  # issue
 BOXES_MAX = 3  # issue
 BOX_MIN_M, BOX_MAX_M = 0.06, 0.25  # our choice: from a hand to a crate, as in the motions
 WALL_MIN_M, WALL_MAX_M = 0.1, 0.6  # our choice: big enough to block half of the neurons
@@ -116,7 +116,8 @@ class _Drawer:
         return np.setdiff1d(cells, self._parts.roadmap.table.unavoidable).astype(np.int32)
 
     def _fits(self, q_start: F64, q_goal: F64, cells: I32) -> bool:
-        if self._name != "wall" and not CELLS_MIN <= len(cells) <= CELLS_MAX:
+        n_cells = len(cells) * (self._parts.grid.resolution_m / CELL_M) ** 3
+        if self._name != "wall" and not CELLS_MIN <= n_cells <= CELLS_MAX:
             return False
         seen = cells_of(self._parts.grid, cells)
         if any(self._checker.pose(seen, q)[0] != FREE for q in (q_start, q_goal)) or self._checker.segment(seen, q_start, q_goal):

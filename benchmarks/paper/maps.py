@@ -64,7 +64,7 @@ def kept_map(job: Job, name: str, inputs: Any, learn: Callable[[], CognitiveMap]
     ]
     path = job.cache / f"paper-{name}-{digest}.tolman"
     try:
-        return _of(artefact.read(path, {"inputs": digest}))
+        return _of(job, artefact.read(path, {"inputs": digest}))
     except ArtefactError:
         pass
     progress(name, 0.0)
@@ -79,8 +79,8 @@ def kept_map(job: Job, name: str, inputs: Any, learn: Callable[[], CognitiveMap]
         step_m=margins.step_m,
         progress=lambda done, total: progress("table", done / total),
     )
-    rows = {f"table_{key}": getattr(table, key) for key in ("node_offset", "node_owner", "edge_offset", "edge_owner", "unavoidable")}
-    arrays = {"neurons_rad": learned.q_rad, "edges": learned.edges, **rows}
+    arrays: dict[str, Any] = {"neurons_rad": learned.q_rad, "edges": learned.edges}
+    arrays |= {f"table_{key}": array for key, array in table.arrays().items()}
     artefact.write(path, artefact.Artefact(arrays, {"inputs": digest}))
     return KeptMap(learned, table)
 
@@ -91,9 +91,9 @@ def _free(job: Job, whole: CognitiveMap) -> CognitiveMap:
     return without_collisions(whole, lambda q: checker.pose(nothing, q)[0] == FREE, lambda a, b: checker.segment(nothing, a, b))
 
 
-def _of(kept: artefact.Artefact) -> KeptMap:
+def _of(job: Job, kept: artefact.Artefact) -> KeptMap:
     arrays = kept.arrays
     rows: dict[str, Any] = {key.removeprefix("table_"): array for key, array in arrays.items() if key.startswith("table_")}
-    table = LookupTable(**rows)
+    table = LookupTable.of_arrays(rows, job.scene.grid.n_cells)
     learned = CognitiveMap(arrays["neurons_rad"], arrays["edges"])
     return KeptMap(learned, table)

@@ -20,16 +20,14 @@ from services.planner.assemble import Parts
 from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.found import NO_NEURON, FoundPath
 from services.planner.core.growth import Addition, grown
-from services.planner.core.layer_table import LayerTable
 from services.planner.core.layers import build_layers
-from services.planner.core.lookup import BlockedCounts, LookupTable, build_table, cells_of_pose
+from services.planner.core.lookup import build_table, cells_of_pose
 from services.planner.core.motion import Ask, Motion, Stopwatch
 from services.planner.core.repair import Repair, tightened
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.timing import brake
 from services.planner.core.two_trees import Bounds, Joined, seed_of
 from services.planner.core.world import World, cells_of
-from services.planner.kernels.merging import append_owners, copy_rows
 from services.planner.learner import Lesson, Student
 from services.planner.questions import QuestionDesk
 
@@ -93,7 +91,7 @@ def _move(parts: Parts, clock_ns: Callable[[], int], home: F64, far: F64) -> Non
 
 
 def rehearse_learning(student: Student, parts: Parts) -> None:
-    """Learn along an edge that is there and grow by a neuron on it; also with tables of more than 65 535 owners. Nothing is kept."""
+    """Learn along an edge that is there and grow by a neuron on it. Nothing is kept."""
     roadmap = parts.roadmap
     if roadmap.n_edges:
         ends = roadmap.edges[0]
@@ -102,12 +100,6 @@ def rehearse_learning(student: Student, parts: Parts) -> None:
             student.take_in(Lesson(path), rehearsal=True)
         n = roadmap.n_neurons
         grown(roadmap, Addition(path.mean(axis=0)[None], np.array([[ends[0], n], [ends[1], n]], dtype=np.int32)), parts.ground)
-    offset, owner, cell = np.zeros(2, dtype=np.int64), np.empty(0, dtype=np.uint32), np.zeros(1, dtype=np.int32)
-    layers = LayerTable(np.ones(1), np.ones(3, dtype=np.int64), 1, offset, owner, offset, owner)
-    BlockedCounts(LookupTable(offset, owner, offset, owner, cell[:0], layers), 1, 1).set_cells(cell)
-    none, cursor = np.zeros(1, dtype=np.uint8), np.zeros(1, dtype=np.int64)
-    copy_rows(offset, owner, none, 1, offset, owner, cursor)
-    append_owners(offset, cell[:0], none, 1, cursor, owner)
 
 
 def rehearse_holding(parts: Parts) -> None:

@@ -38,17 +38,16 @@ class BitTable:
     @staticmethod
     def of(table: LookupTable, n_neurons: int) -> BitTable:
         """The same table of neurons as bits."""
-        offset = table.node_offset
-        cells = np.flatnonzero(np.diff(offset) > 0)
+        cells = np.flatnonzero(np.diff(table.node_offset).sum(axis=0))
         n_bytes = -(-n_neurons // (8 * WORD_BYTES)) * WORD_BYTES
         packed = np.zeros((len(cells) + 1, n_bytes), dtype=np.uint8)
         for first in range(0, len(cells), CHUNK):
             part = cells[first : first + CHUNK]
             dense = np.zeros((len(part), 8 * n_bytes), dtype=np.bool_)
             for k, cell in enumerate(part):
-                dense[k, table.node_owner[offset[cell] : offset[cell + 1]]] = True
+                dense[k, table.neurons_of(cell)] = True
             packed[1 + first : 1 + first + len(part)] = np.packbits(dense, axis=1)
-        row_of = np.zeros(len(offset) - 1, dtype=np.int32)
+        row_of = np.zeros(table.node_offset.shape[1] - 1, dtype=np.int32)
         row_of[cells] = np.arange(1, len(cells) + 1)
         return BitTable(row_of, packed.view(np.uint64), n_neurons)
 

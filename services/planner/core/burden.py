@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,6 +21,7 @@ from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import no_cells
 from services.planner.kernels.burden import bar
 from services.planner.kernels.collision import Arm
+from services.planner.kernels.lookup import PAGE
 from services.planner.kernels.merging import count_unions, fill_unions
 from services.planner.kernels.static_layer import Solids
 
@@ -29,7 +29,8 @@ __all__ = ["Burden", "BurdenGround", "last_body_alone"]
 
 I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
-Rows = tuple[I64, NDArray[Any]]  # offsets and owners
+U16 = NDArray[np.uint16]
+Rows = tuple[I64, U16]  # offsets and owners, in pages (core/rows.py)
 
 
 def last_body_alone(arm: Arm) -> Arm:
@@ -137,11 +138,11 @@ class Burden:
 def _joined_cells(bare: Roadmap, box: Roadmap, layers: Future[LayerTable]) -> LookupTable:
     """The table of both; a cell that arm and box sweep together, whatever the neuron, cannot be avoided either."""
     a, b, n = bare.table, box.table, bare.n_neurons
-    full = np.zeros(len(a.node_offset) - 1, dtype=bool)
+    full = np.zeros(a.node_offset.shape[1] - 1, dtype=bool)
     full[a.unavoidable] = full[b.unavoidable] = True
-    nodes = _Union((a.node_offset, a.node_owner), (b.node_offset, b.node_owner), 1, n)
-    full |= (nodes.counts == n) & (n > 0)
-    edges = _Union((a.edge_offset, a.edge_owner), (b.edge_offset, b.edge_owner), 1, bare.n_edges)
+    nodes = _Union((a.node_offset, a.node_owner), (b.node_offset, b.node_owner), 1)
+    full |= (nodes.counts.sum(axis=0) == n) & (n > 0)
+    edges = _Union((a.edge_offset, a.edge_owner), (b.edge_offset, b.edge_owner), 1)
     rows = (*nodes.rows(full), *edges.rows(full))
     return LookupTable(*rows, np.flatnonzero(full).astype(np.int32), layers.result(), b.barred_nodes, b.barred_edges)
 
@@ -151,29 +152,37 @@ def _joined_layers(bare: Roadmap, box: Roadmap) -> LayerTable:
     a, b = bare.table.layers, box.table.layers
     if a.n_bands == 0:
         return NO_LAYERS
-    nodes = _Union((a.node_offset, a.node_owner), (b.node_offset, b.node_owner), a.n_bands, bare.n_neurons)
-    edges = _Union((a.edge_offset, a.edge_owner), (b.edge_offset, b.edge_owner), a.n_bands, bare.n_edges)
+    nodes = _Union((a.node_offset, a.node_owner), (b.node_offset, b.node_owner), a.n_bands)
+    edges = _Union((a.edge_offset, a.edge_owner), (b.edge_offset, b.edge_owner), a.n_bands)
     return LayerTable(a.beyond_m, a.cells_shape, a.block_cells, *nodes.rows(), *edges.rows())
 
 
 class _Union:
-    """Rows of two tables as one; see the kernels."""
+    """Rows of two tables of the same pages as one; see the kernels."""
 
-    def __init__(self, a: Rows, b: Rows, n_bands: int, n_owners: int) -> None:
-        self._tables, self._n_bands, self._n_owners = (*a, *b), n_bands, n_owners
-        self.counts = np.empty(len(a[0]) - 1, dtype=np.int64)
-        count_unions(*self._tables, n_bands, self._nobody(), self.counts)
+    def __init__(self, a: Rows, b: Rows, n_bands: int) -> None:
+        self._tables, self._n_bands = (a, b), n_bands
+        self.counts = np.empty((len(a[0]), a[0].shape[1] - 1), dtype=np.int64)  # (pages, rows)
+        for page, counts in enumerate(self.counts):
+            count_unions(*self._page(page), n_bands, _nobody(), counts)
 
     def rows(self, left_out: NDArray[np.bool_] | None = None) -> Rows:
         """Offsets and owners; rows that are ``left_out`` are empty."""
         counts = self.counts if left_out is None else np.where(left_out, 0, self.counts)
-        offset = np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
-        owner = np.empty(offset[-1], dtype=self._tables[1].dtype)
-        fill_unions(*self._tables, self._n_bands, self._nobody(), offset, owner)
+        ends = np.cumsum(counts.ravel()).reshape(counts.shape)
+        offset = np.concatenate([ends[:, :1] - counts[:, :1], ends], axis=1).astype(np.int64)
+        owner = np.empty(offset[-1, -1], dtype=np.uint16)
+        for page, rows in enumerate(offset):
+            fill_unions(*self._page(page), self._n_bands, _nobody(), rows, owner)
         return offset, owner
 
-    def _nobody(self) -> I64:
-        return np.full(self._n_owners, -1, dtype=np.int64)
+    def _page(self, page: int) -> tuple[I64, U16, I64, U16]:
+        (offset_a, owner_a), (offset_b, owner_b) = self._tables
+        return offset_a[page], owner_a, offset_b[page], owner_b
+
+
+def _nobody() -> I64:
+    return np.full(PAGE, -1, dtype=np.int64)
 
 
 def _barred(roadmap: Roadmap, ground: BurdenGround, before: Roadmap | None = None) -> tuple[I32, I32]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.models import Progress, checked_samples
+from services.planner.kernels import gas as units
 from services.planner.kernels import gng as kernel
 
 __all__ = ["GasParameters", "GrowingNeuralGas"]
@@ -17,7 +18,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 CHUNK = 20_000  # signals between two reports of progress; our choice
-BUCKETS_PER_AXIS = 12  # measured: 12 a little better than 24 and 36 for 10 000 units
+FLAT_RAD = 1e-6  # samples that spread less along a direction are not told apart by it; our choice
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class GrowingNeuralGas:
     def __init__(self, parameters: GasParameters, n_neurons: int) -> None:
         self.parameters = parameters
         self.n_neurons = n_neurons
-        self._gas: kernel.Gas | None = None
+        self._gas: units.Gas | None = None
 
     def fit(self, samples_rad: F64, trajectory_starts: I64, seed: int, progress: Progress | None = None) -> GrowingNeuralGas:
         """Grow from two units to ``n_neurons`` on signals drawn from ``samples_rad`` (S, J), then refresh the edges; starts are ignored.
@@ -58,7 +59,7 @@ class GrowingNeuralGas:
         if len(others) == 0:
             raise ValueError("all samples are the same: nothing to learn")
         for index in (first, others[rng.integers(len(others))]):
-            kernel.add_unit(self._gas, samples[index], 0.0)
+            units.add_unit(self._gas, samples[index], 0.0)
         kernel.connect(self._gas, 0, 1, 0)  # Fritzke starts without an edge; the first signal would make it
         self._grow(samples, rng, progress)
         kernel.refresh(self._gas, samples)
@@ -85,12 +86,12 @@ class GrowingNeuralGas:
         if n_neurons < kept.n_neurons:
             raise ValueError(f"n_neurons is {n_neurons}, the map has {kept.n_neurons} already")
         degree = int(np.bincount(kept.edges.ravel(), minlength=1).max())
-        if degree > kernel.MAX_DEGREE:
-            raise ValueError(f"a neuron of the map has {degree} neighbours, a gas holds {kernel.MAX_DEGREE}")
+        if degree > units.MAX_DEGREE:
+            raise ValueError(f"a neuron of the map has {degree} neighbours, a gas holds {units.MAX_DEGREE}")
         model = cls(parameters, n_neurons)
         model._gas = _empty_gas(np.concatenate([kept.q_rad, samples]), n_neurons)
         for q in kept.q_rad:
-            kernel.add_unit(model._gas, q, 0.0)
+            units.add_unit(model._gas, q, 0.0)
         for a, b in kept.edges:
             kernel.connect(model._gas, int(a), int(b), 0)
         return model
@@ -124,7 +125,7 @@ class GrowingNeuralGas:
             ValueError: not fitted yet.
         """
         gas = self._fitted()
-        slots = np.flatnonzero(gas.degree[: gas.counts[kernel.N_SLOTS]] >= 0)
+        slots = np.flatnonzero(gas.degree[: gas.counts[units.N_SLOTS]] >= 0)
         number = np.full(len(gas.degree), -1, dtype=np.int64)
         number[slots] = np.arange(len(slots))
         edges = [(number[u], number[v]) for u in slots for v in gas.neighbour[u, : gas.degree[u]] if u < v]
@@ -133,10 +134,10 @@ class GrowingNeuralGas:
     def best_match(self, q_rad: F64) -> int:
         """Index (as in :meth:`to_map`) of the unit nearest to ``q_rad`` (J,)."""
         gas = self._fitted()
-        slot = kernel.nearest_two(gas, np.ascontiguousarray(q_rad, dtype=np.float64))[0]
+        slot = units.nearest_two(gas, np.ascontiguousarray(q_rad, dtype=np.float64))[0]
         return int(np.count_nonzero(gas.degree[:slot] >= 0))
 
-    def _fitted(self) -> kernel.Gas:
+    def _fitted(self) -> units.Gas:
         if self._gas is None:
             raise ValueError("the gas is not fitted yet")
         return self._gas
@@ -145,10 +146,10 @@ class GrowingNeuralGas:
         # Units are inserted every lambda signals and removed rarely; four times that many signals means that it cannot grow.
         gas = self._fitted()
         limit = 4 * self.parameters.insert_every * self.n_neurons
-        while gas.counts[kernel.N_ALIVE] < self.n_neurons and gas.counts[kernel.N_SIGNALS] < limit:
+        while gas.counts[units.N_ALIVE] < self.n_neurons and gas.counts[units.N_SIGNALS] < limit:
             self._present(samples, rng.integers(len(samples), size=CHUNK), self.n_neurons)
             if progress is not None:
-                progress(float(gas.counts[kernel.N_ALIVE]) / self.n_neurons)
+                progress(float(gas.counts[units.N_ALIVE]) / self.n_neurons)
 
     def _present(self, samples: F64, order: I64, n_target: int, *, grow: bool = True) -> int:
         p = self.parameters
@@ -156,30 +157,30 @@ class GrowingNeuralGas:
         return int(kernel.present(self._fitted(), samples, order, n_target, every, p.e_best, p.e_neighbour, p.alpha, p.decay, p.max_age))
 
 
-def _empty_gas(samples: F64, n_neurons: int) -> kernel.Gas:
-    """Room for ``n_neurons`` units; buckets along the three joints that vary most."""
+def _empty_gas(samples: F64, n_neurons: int) -> units.Gas:
+    """Room for ``n_neurons`` units; buckets along the three directions in which the samples vary most (principal components)."""
     n_joints = samples.shape[1]
-    low, high = samples.min(axis=0), samples.max(axis=0)
-    widest = np.argsort(-samples.std(axis=0), kind="stable")[:3]
-    axis = np.zeros(3, dtype=np.int64)
-    axis[: len(widest)] = widest
-    shape = np.ones(3, dtype=np.int64)
-    shape[: len(widest)] = BUCKETS_PER_AXIS
+    n_directions = min(3, n_joints)
+    direction = np.zeros((3, n_joints))
+    direction[:n_directions] = np.linalg.eigh(np.atleast_2d(np.cov(samples, rowvar=False)))[1].T[::-1][:n_directions]
+    along = samples @ direction.T
+    low, extent = along.min(axis=0), np.ptp(along, axis=0)
     capacity = n_neurons + 1
-    return kernel.Gas(
+    return units.Gas(
         weight=np.zeros((capacity, n_joints)),
         error=np.zeros(capacity),
         error_scale=np.ones(1),
         degree=np.full(capacity, -1, dtype=np.int32),
-        neighbour=np.zeros((capacity, kernel.MAX_DEGREE), dtype=np.int32),
-        age=np.zeros((capacity, kernel.MAX_DEGREE), dtype=np.int32),
+        neighbour=np.zeros((capacity, units.MAX_DEGREE), dtype=np.int32),
+        age=np.zeros((capacity, units.MAX_DEGREE), dtype=np.int32),
         free=np.zeros(capacity, dtype=np.int32),
-        counts=np.zeros(4, dtype=np.int64),
-        bucket_axis=axis,
-        bucket_low=low[axis],
-        bucket_width=np.maximum(high[axis] - low[axis], 1e-6) / shape,
-        bucket_shape=shape,
-        bucket_head=np.full(int(np.prod(shape)), -1, dtype=np.int32),
+        counts=np.zeros(5, dtype=np.int64),
+        bucket_direction=direction,
+        bucket_low=low,
+        bucket_extent=np.where(extent > FLAT_RAD, extent, 0.0),
+        bucket_width=np.full(3, np.inf),
+        bucket_shape=np.ones(3, dtype=np.int64),
+        bucket_head=np.full(units.most_buckets(capacity), -1, dtype=np.int32),
         bucket_next=np.full(capacity, -1, dtype=np.int32),
         bucket_previous=np.full(capacity, -1, dtype=np.int32),
         bucket_of=np.full(capacity, -1, dtype=np.int32),

@@ -7,7 +7,6 @@ nothing on the same neurons and edges.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,17 +15,16 @@ from common.geometry.grid import Grid
 from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.layer_table import NO_LAYERS, LayerTable
 from services.planner.core.layers import LayerRules, near_blocks
-from services.planner.core.lookup import LookupTable, Swept, owner_dtype, sweep
+from services.planner.core.lookup import LookupTable, Swept, sweep
 from services.planner.core.roadmap import Roadmap
+from services.planner.core.rows import merged
 from services.planner.kernels.collision import Arm
 from services.planner.kernels.lookup import count_rows
-from services.planner.kernels.merging import append_owners, copy_rows
 
 __all__ = ["Addition", "Ground", "grown"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
-I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 
 
@@ -86,9 +84,9 @@ def _grown_table(roadmap: Roadmap, addition: Addition, ground: Ground, n_threads
     unavoidable = table.unavoidable[is_kept]
     avoidable, none = _marks(table.unavoidable[~is_kept], n_cells), np.zeros(n_cells, dtype=np.uint8)
     left_out = _marks(unavoidable, n_cells)
-    nodes = _merge(table.node_offset, table.node_owner, avoidable, n, node_offset, node_cell, left_out)
+    nodes = merged((table.node_offset, table.node_owner), n, (node_offset, node_cell), avoidable, left_out)
     # What every old neuron sweeps, no old edge sweeps beyond its ends: its rows begin empty there.
-    edges = _merge(table.edge_offset, table.edge_owner, none, roadmap.n_edges, swept.edge_offset, swept.edge_cell, left_out)
+    edges = merged((table.edge_offset, table.edge_owner), roadmap.n_edges, (swept.edge_offset, swept.edge_cell), none, left_out)
     layers = _grown_layers(roadmap, addition, ground, n_threads)
     return LookupTable(*nodes, *edges, unavoidable, layers, table.barred_nodes, table.barred_edges)
 
@@ -119,8 +117,8 @@ def _grown_layers(roadmap: Roadmap, addition: Addition, ground: Ground, n_thread
     none = np.zeros(rules.n_entries, dtype=np.uint8)
     offset, entries = near.node_offset[n_ends:] - near.node_offset[n_ends], near.node_cell[near.node_offset[n_ends] :]
     return rules.table(
-        _merge(old.node_offset, old.node_owner, none, roadmap.n_neurons, offset, entries, none),
-        _merge(old.edge_offset, old.edge_owner, none, roadmap.n_edges, near.edge_offset, near.edge_cell, none),
+        merged((old.node_offset, old.node_owner), roadmap.n_neurons, (offset, entries), none, none),
+        merged((old.edge_offset, old.edge_owner), roadmap.n_edges, (near.edge_offset, near.edge_cell), none, none),
     )
 
 
@@ -128,19 +126,3 @@ def _marks(cells: I32, n_cells: int) -> U8:
     marks = np.zeros(n_cells, dtype=np.uint8)
     marks[cells] = 1
     return marks
-
-
-def _merge(
-    old_offset: I64, old_owner: NDArray[Any], is_full: U8, n_old: int, offset: I64, cells: I32, is_left_out: U8
-) -> tuple[I64, NDArray[Any]]:
-    """Rows by cell of the old owners and of the new ones ``offset, cells``; see the kernels."""
-    more = np.zeros(len(old_offset) - 1, dtype=np.int64)
-    count_rows(cells, more)
-    more[is_left_out > 0] = 0
-    counts = np.where(is_full > 0, n_old, np.diff(old_offset)) + more
-    row_offset = np.concatenate([[0], np.cumsum(counts)])
-    dtype = owner_dtype(n_old + len(offset) - 1)
-    owner, cursor = np.empty(row_offset[-1], dtype=dtype), np.empty(len(counts), dtype=np.int64)
-    copy_rows(old_offset, old_owner.astype(dtype, copy=False), is_full, n_old, row_offset, owner, cursor)
-    append_owners(offset, cells, is_left_out, n_old, cursor, owner)
-    return row_offset, owner

@@ -6,12 +6,14 @@ distance would be four times as large as the table itself, in blocks of 4 cm the
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from services.planner.core.rows import flat_rows, owners_in
 from services.planner.kernels.layers import change_layers
 
 __all__ = ["NO_LAYERS", "LayerTable", "Near", "NearCounts"]
@@ -19,6 +21,7 @@ __all__ = ["NO_LAYERS", "LayerTable", "Near", "NearCounts"]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
+U16 = NDArray[np.uint16]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,9 +40,9 @@ class LayerTable:
     cells_shape: I64
     block_cells: int
     node_offset: I64
-    node_owner: NDArray[Any]
+    node_owner: U16
     edge_offset: I64
-    edge_owner: NDArray[Any]
+    edge_owner: U16
 
     @property
     def n_bands(self) -> int:
@@ -51,23 +54,25 @@ class LayerTable:
         """Number of blocks."""
         return int(np.prod(-(-self.cells_shape // self.block_cells)))
 
+    def arrays(self) -> Mapping[str, NDArray[Any]]:
+        """The rows by name, as a file has them."""
+        return flat_rows(self.node_offset, self.node_owner, self.edge_offset, self.edge_owner)
+
     @property
     def n_bytes(self) -> int:
         """Bytes of the rows."""
         return sum(a.nbytes for a in (self.node_offset, self.node_owner, self.edge_offset, self.edge_owner))
 
-    def neurons_of(self, block: int, band: int) -> NDArray[Any]:
+    def neurons_of(self, block: int, band: int) -> I32:
         """Neurons in that band of a block, ascending."""
-        entry = block * self.n_bands + band
-        return self.node_owner[self.node_offset[entry] : self.node_offset[entry + 1]]
+        return owners_in(self.node_offset, self.node_owner, block * self.n_bands + band)
 
-    def edges_of(self, block: int, band: int) -> NDArray[Any]:
+    def edges_of(self, block: int, band: int) -> I32:
         """Edges in that band of a block, both ends in higher ones; ascending."""
-        entry = block * self.n_bands + band
-        return self.edge_owner[self.edge_offset[entry] : self.edge_offset[entry + 1]]
+        return owners_in(self.edge_offset, self.edge_owner, block * self.n_bands + band)
 
 
-_NO_ROWS, _NOBODY = np.zeros(1, dtype=np.int64), np.empty(0, dtype=np.uint16)
+_NO_ROWS, _NOBODY = np.zeros((1, 1), dtype=np.int64), np.empty(0, dtype=np.uint16)
 NO_LAYERS = LayerTable(np.empty(0), np.zeros(3, dtype=np.int64), 1, _NO_ROWS, _NOBODY, _NO_ROWS, _NOBODY)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 
 from common.geometry.grid import Grid
 from services.planner.core.layer_table import LayerTable
-from services.planner.core.lookup import N_THREADS, Progress, Swept, rows_of_owners, transposed
+from services.planner.core.lookup import N_THREADS, Progress, Swept, rows_of_owners
+from services.planner.core.rows import rows_of_flat, transposed
 from services.planner.kernels.collision import ROOT3, Arm
 from services.planner.kernels.layers import edge_bands, node_bands
 from services.planner.kernels.reach import Reach, reach_of
@@ -22,6 +23,7 @@ __all__ = ["LayerRules", "build_layers", "near_blocks"]
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
+U16 = NDArray[np.uint16]
 ROUNDING_M = 1e-3  # the far grids reach so much beyond what is asked of them
 
 
@@ -70,9 +72,17 @@ class LayerRules:
         """Number of rows: blocks times bands."""
         return int(np.prod(self.blocks[1])) * len(self.within_m)
 
-    def table(self, nodes: tuple[I64, NDArray[Any]], edges: tuple[I64, NDArray[Any]]) -> LayerTable:
-        """The table of rows by entry, (offsets, owners) for neurons and for edges."""
+    def table(self, nodes: tuple[I64, U16], edges: tuple[I64, U16]) -> LayerTable:
+        """The table of rows by entry, (offset, owner) for neurons and for edges."""
         return LayerTable(self.beyond_m, self.cells_shape, self.block_cells, *nodes, *edges)
+
+    def table_of_arrays(self, arrays: Mapping[str, NDArray[Any]]) -> LayerTable:
+        """The table of :meth:`LayerTable.arrays`.
+
+        Raises:
+            KeyError, ValueError: an array is missing or does not fit.
+        """
+        return LayerTable(self.beyond_m, self.cells_shape, self.block_cells, *rows_of_flat(arrays, self.n_entries))
 
 
 def near_blocks(rules: LayerRules, neurons_rad: F64, edges: I32, *, progress: Progress | None = None, n_threads: int = N_THREADS) -> Swept:

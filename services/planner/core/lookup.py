@@ -6,7 +6,7 @@ world (the live one, or that of a question) on top of it.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field
@@ -18,8 +18,9 @@ from numpy.typing import NDArray
 
 from common.geometry.grid import Grid
 from services.planner.core.layer_table import NO_LAYERS, LayerTable, NearCounts
+from services.planner.core.rows import flat_rows, owners_in, rows_of_flat, transposed
 from services.planner.kernels.collision import Arm
-from services.planner.kernels.lookup import change_counts, count_rows, edge_extra_cells, fill_rows, node_cells
+from services.planner.kernels.lookup import change_counts, count_rows, edge_extra_cells, node_cells
 
 __all__ = [
     "N_THREADS",
@@ -29,15 +30,14 @@ __all__ = [
     "Swept",
     "build_table",
     "cells_of_pose",
-    "owner_dtype",
     "rows_of_owners",
     "sweep",
-    "transposed",
 ]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
+U16 = NDArray[np.uint16]
 
 CHUNK = 256  # neurons or edges a kernel call; progress is reported between
 MAX_CELLS_A_POSE = 20_000  # our choice; a UR3 pose sweeps about 2 000 cells of 2 cm
@@ -51,35 +51,47 @@ class LookupTable:
     """Rows of owners by cell, for neurons and for edges.
 
     Attributes:
-        node_offset, node_owner: row c of cell c is ``node_owner[node_offset[c]:node_offset[c + 1]]``; offsets (n_cells + 1,) int64,
-            owners uint16 (uint32 beyond 65 535 neurons), ascending within a row.
-        edge_offset, edge_owner: the same for edges; an edge's row holds only what it sweeps beyond its two ends (uint16 or uint32).
+        node_offset, node_owner: neurons by cell, as in :mod:`services.planner.core.rows`: offset (pages, n_cells + 1) int64, owners uint16.
+        edge_offset, edge_owner: the same for edges; an edge's row holds only what it sweeps beyond its two ends.
         unavoidable: (U,) int32 ascending cells that every neuron sweeps; they are in no row, since no path could ever avoid them.
         layers: which neurons and edges are near a cell beyond the safety distance.
         barred_nodes, barred_edges: int32 ascending; what is blocked whatever the cells: a payload would hit the static layer or the arm.
     """
 
     node_offset: I64
-    node_owner: NDArray[Any]
+    node_owner: U16
     edge_offset: I64
-    edge_owner: NDArray[Any]
+    edge_owner: U16
     unavoidable: I32
     layers: LayerTable = NO_LAYERS
     barred_nodes: I32 = field(default_factory=lambda: np.empty(0, dtype=np.int32))
     barred_edges: I32 = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+
+    @staticmethod
+    def of_arrays(arrays: Mapping[str, NDArray[Any]], n_cells: int, layers: LayerTable = NO_LAYERS) -> LookupTable:
+        """The table of :meth:`arrays`.
+
+        Raises:
+            KeyError, ValueError: an array is missing or does not fit.
+        """
+        return LookupTable(*rows_of_flat(arrays, n_cells), np.asarray(arrays["unavoidable"]), layers)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """All arrays by name, as a file has them, without those of the layers."""
+        return {**flat_rows(self.node_offset, self.node_owner, self.edge_offset, self.edge_owner), "unavoidable": self.unavoidable}
 
     @property
     def n_bytes(self) -> int:
         """Bytes of all arrays, without those of the layers."""
         return sum(a.nbytes for a in (self.node_offset, self.node_owner, self.edge_offset, self.edge_owner, self.unavoidable))
 
-    def neurons_of(self, cell: int) -> NDArray[Any]:
+    def neurons_of(self, cell: int) -> I32:
         """Neurons that the cell blocks, ascending."""
-        return self.node_owner[self.node_offset[cell] : self.node_offset[cell + 1]]
+        return owners_in(self.node_offset, self.node_owner, cell)
 
-    def edges_of(self, cell: int) -> NDArray[Any]:
+    def edges_of(self, cell: int) -> I32:
         """Edges that the cell blocks beyond those whose ends it blocks, ascending."""
-        return self.edge_owner[self.edge_offset[cell] : self.edge_offset[cell + 1]]
+        return owners_in(self.edge_offset, self.edge_owner, cell)
 
 
 @dataclass(frozen=True, eq=False)
@@ -153,11 +165,6 @@ def build_table(
     )
 
 
-def owner_dtype(n_owners: int) -> type[np.unsignedinteger[Any]]:
-    """The narrowest dtype that numbers ``n_owners`` neurons or edges in a table."""
-    return np.uint16 if n_owners <= 0xFFFF else np.uint32
-
-
 def rows_of_owners(run: RowKernel, items: NDArray[Any], n_cells: int, report: Callable[[int], None], n_threads: int) -> tuple[I64, I32]:
     """Owner -> cells of all items: offsets (n + 1,) and flat cells. Chunks are worked on by threads and put together in order.
 
@@ -197,22 +204,6 @@ def _chunk_rows(run: RowKernel, part: NDArray[Any], stamp: I64, buffer: I32) -> 
         pieces.append((np.diff(offset[: n + 1]), buffer[: offset[n]].copy()))
         done += n
     return pieces
-
-
-def transposed(offset: I64, cells: I32, n_cells: int, without: I32) -> tuple[I64, NDArray[Any]]:
-    """Cell -> owners from owner -> cells: offsets (n_cells + 1,) and owners, ascending in a row; rows of ``without`` are empty."""
-    counts = np.zeros(n_cells, dtype=np.int64)
-    count_rows(cells, counts)
-    row_offset = np.concatenate([[0], np.cumsum(counts)])
-    owner = np.empty(len(cells), dtype=owner_dtype(len(offset) - 1))
-    fill_rows(offset, cells, 0, row_offset[:-1].copy(), owner)
-    if len(without) == 0:
-        return row_offset, owner
-    keep = np.ones(len(owner), dtype=bool)
-    for cell in without:
-        keep[row_offset[cell] : row_offset[cell + 1]] = False
-    counts[without] = 0
-    return np.concatenate([[0], np.cumsum(counts)]), owner[keep]
 
 
 def cells_of_pose(arm: Arm, grid: Grid, q_rad: F64, *, safety_m: float) -> I32:

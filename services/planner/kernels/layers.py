@@ -13,6 +13,7 @@ from numba import njit
 
 from common.robot.kernels import forward_kinematics, to_joint_frame
 from services.planner.kernels.collision import ROOT3
+from services.planner.kernels.lookup import PAGE
 from services.planner.kernels.moves import segment_steps
 from services.planner.kernels.reach import look_far, reach_grid
 
@@ -185,7 +186,7 @@ def change_layers(cells, sign, shape, block_cells, block_count, node_offset, nod
     Args:
         shape: (3,) of the grid of cells. block_cells: cells along a block's edge.
         block_count: (n_blocks,) occupied cells of each block.
-        node_offset, node_owner, edge_offset, edge_owner: rows by entry.
+        node_offset, node_owner, edge_offset, edge_owner: rows by entry, in pages.
         node, edge: (N, L), (M, L) occupied blocks in each band.
     """
     n_bands = node.shape[1]
@@ -198,8 +199,14 @@ def change_layers(cells, sign, shape, block_cells, block_count, node_offset, nod
         if before != 0 and before + sign != 0:
             continue
         for k in range(n_bands):
-            row = block * n_bands + k
-            for i in range(node_offset[row], node_offset[row + 1]):
-                node[node_owner[i], k] += sign
-            for i in range(edge_offset[row], edge_offset[row + 1]):
-                edge[edge_owner[i], k] += sign
+            _add_to_band(block * n_bands + k, k, sign, node_offset, node_owner, node)
+            _add_to_band(block * n_bands + k, k, sign, edge_offset, edge_owner, edge)
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _add_to_band(row, k, sign, row_offset, row_owner, count):  # type: ignore[no-untyped-def]
+    """Add ``sign`` to band ``k`` of every owner in a row."""
+    for page in range(len(row_offset)):
+        mine = count[page * PAGE :]
+        for i in range(row_offset[page, row], row_offset[page, row + 1]):
+            mine[row_owner[i], k] += sign

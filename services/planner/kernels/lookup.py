@@ -15,7 +15,9 @@ from common.robot.kernels import body_grid, forward_kinematics
 from services.planner.kernels.collision import ROOT3, cell_touches_body
 from services.planner.kernels.moves import segment_steps
 
-__all__ = ["change_counts", "count_rows", "edge_extra_cells", "fill_rows", "node_cells", "pose_cells"]
+__all__ = ["PAGE", "change_counts", "count_rows", "edge_extra_cells", "node_cells", "pose_cells"]
+
+PAGE = 1 << 16  # owners of a page of rows: as many as 16 bits tell apart
 
 
 @njit(cache=True, nogil=True)
@@ -162,20 +164,10 @@ def count_rows(items, row_count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def fill_rows(offset, items, first_owner, cursor, owner):  # type: ignore[no-untyped-def]
-    """Transpose ``items`` (owner -> cells, rows by ``offset``) into ``owner`` (cell -> owners) at the moving ``cursor`` (n_cells,)."""
-    for k in range(len(offset) - 1):
-        for i in range(offset[k], offset[k + 1]):
-            cell = items[i]
-            owner[cursor[cell]] = first_owner + k
-            cursor[cell] += 1
-
-
-@njit(cache=True, nogil=True)
 def change_counts(before, after, node_offset, node_owner, node, edge_offset, edge_owner, edge, appeared, gone):  # type: ignore[no-untyped-def]
     """Bring ``node`` (N,) and ``edge`` (M,) from the cells ``before`` to the cells ``after``, both ascending; cost follows the difference.
 
-    Fills ``appeared`` and ``gone``; returns how many there are of each.
+    ``node_offset`` and ``edge_offset`` (pages, n_cells + 1). Fills ``appeared`` and ``gone``; returns how many there are of each.
     """
     i, k, n_appeared, n_gone = 0, 0, 0, 0
     while i < len(before) or k < len(after):
@@ -197,6 +189,8 @@ def change_counts(before, after, node_offset, node_owner, node, edge_offset, edg
 @njit(cache=True, nogil=True)
 def _add_to_counts(cells, sign, row_offset, row_owner, count):  # type: ignore[no-untyped-def]
     """Add ``sign`` to ``count`` of every owner in the rows of ``cells`` (C,). Cost follows the changed cells."""
-    for c in range(len(cells)):
-        for i in range(row_offset[cells[c]], row_offset[cells[c] + 1]):
-            count[row_owner[i]] += sign
+    for page in range(len(row_offset)):
+        offset, mine = row_offset[page], count[page * PAGE :]
+        for c in range(len(cells)):
+            for i in range(offset[cells[c]], offset[cells[c] + 1]):
+                mine[row_owner[i]] += sign

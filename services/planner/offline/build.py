@@ -179,9 +179,9 @@ def load_file(job: Job, path: Path, fingerprints: Mapping[str, str]) -> Built:
     kept = artefact.read(path, fingerprints)
     try:
         learned = CognitiveMap(kept.arrays["neurons_rad"], kept.arrays["edges"])
-        table = LookupTable(**_named(kept, "table_"), layers=_kept_layers(job, kept))
-    except (KeyError, TypeError) as error:
-        raise ArtefactError(f"{path}: an array is missing or unknown: {error}", code="torn_artefact") from None
+        table = LookupTable.of_arrays(_named(kept, "table_"), job.scene.grid.n_cells, _kept_layers(job, kept))
+    except (KeyError, ValueError) as error:
+        raise ArtefactError(f"{path}: an array is missing or does not fit: {error}", code="torn_artefact") from None
     sha256 = hashlib.sha256(path.read_bytes()).hexdigest()
     return Built(path, sha256, learned, table, dict(kept.fingerprints), dict(kept.figures), kept.arrays.get("lattice_unit"))
 
@@ -194,8 +194,7 @@ def _kept_layers(job: Job, kept: artefact.Artefact) -> LayerTable:
     rules = layer_rules(job.scene.arm, job.scene.grid, job.config)
     if rules is None:
         return NO_LAYERS
-    rows = _named(kept, "layer_")
-    return rules.table((rows["node_offset"], rows["node_owner"]), (rows["edge_offset"], rows["edge_owner"]))
+    return rules.table_of_arrays(_named(kept, "layer_"))
 
 
 def load_or_build(job: Job, progress: Progress = _silent) -> Built:
@@ -295,8 +294,7 @@ def _figures(job: Job, checked: CheckedMap, samples: Samples, n_trajectories: in
 
 def _arrays(checked: CheckedMap, table: LookupTable) -> dict[str, NDArray[Any]]:
     lattice = {} if checked.lattice_unit is None else {"lattice_unit": checked.lattice_unit}
-    by_row = ("node_offset", "node_owner", "edge_offset", "edge_owner")
-    rows = {f"table_{name}": getattr(table, name) for name in (*by_row, "unavoidable")}
+    rows = {f"table_{name}": array for name, array in table.arrays().items()}
     if table.layers.n_bands:
-        rows |= {f"layer_{name}": getattr(table.layers, name) for name in by_row}
+        rows |= {f"layer_{name}": array for name, array in table.layers.arrays().items()}
     return {"neurons_rad": checked.learned.q_rad, "edges": checked.learned.edges, **lattice, **rows}

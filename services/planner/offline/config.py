@@ -16,7 +16,7 @@ Count = Annotated[int, Meta(ge=1)]
 Seed = Annotated[int, Meta(ge=0)]
 Side = Annotated[int, Meta(ge=1, le=1000)]  # units along one side of a lattice
 Rate = Annotated[float, Meta(gt=0, le=1)]
-MOST_NEURONS = 60_000  # the table counts neurons in uint16
+MOST_NEURONS = 200_000  # our choice: twice the largest map that was measured; its table has about 2 GB
 Vector3 = Annotated[list[float], Meta(min_length=3, max_length=3)]
 
 

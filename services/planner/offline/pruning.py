@@ -35,6 +35,7 @@ PoseCheck = Callable[[F64], bool]  # q (J,): free?
 MotionCheck = Callable[[F64, F64], bool]  # from, to (J,): free?
 
 BRIDGE_ATTEMPTS = 50  # our choice: pairs of neurons that are tried to join a component
+FEW = 64  # neurons of a component whose nearest others are found in a tree of all; of more, a tree of the others is made; our choice
 
 
 def prune(
@@ -84,27 +85,45 @@ def _with_free_edges(kept: CognitiveMap, motion_is_free: MotionCheck) -> Cogniti
 
 def join_components(apart: CognitiveMap, motion_is_free: MotionCheck, bridge_max_rad: float) -> CognitiveMap:
     """Bridges of free edges, shortest first, from each component to any other, until none is left that can be joined."""
-    edges = apart.edges
+    edges, tree = apart.edges, KDTree(apart.q_rad)
     while True:
         labels = components(apart.n_neurons, edges)
         apart_ones = np.argsort(-np.bincount(labels), kind="stable")[1:]  # all but the largest
-        bridges = [_bridge(apart.q_rad, labels == c, motion_is_free, bridge_max_rad) for c in apart_ones]
+        bridges = [_bridge(tree, apart.q_rad, labels == c, motion_is_free, bridge_max_rad) for c in apart_ones]
         found = [bridge for bridge in bridges if bridge is not None]
         if not found:
             return CognitiveMap.of(apart.q_rad, edges)
         edges = CognitiveMap.of(apart.q_rad, np.vstack([edges, found])).edges
 
 
-def _bridge(q_rad: F64, inside: NDArray[np.bool_], motion_is_free: MotionCheck, bridge_max_rad: float) -> tuple[int, int] | None:
-    here, there = np.flatnonzero(inside), np.flatnonzero(~inside)
-    distance, nearest = KDTree(q_rad[there]).query(q_rad[here], distance_upper_bound=bridge_max_rad)
+def _bridge(
+    tree: KDTree, q_rad: F64, inside: NDArray[np.bool_], motion_is_free: MotionCheck, bridge_max_rad: float
+) -> tuple[int, int] | None:
+    here = np.flatnonzero(inside)
+    distance, nearest = _nearest_outside(tree, q_rad, inside, bridge_max_rad)
     for k in np.argsort(distance, kind="stable")[:BRIDGE_ATTEMPTS]:
         if not np.isfinite(distance[k]):
             break
-        a, b = int(here[k]), int(there[nearest[k]])
+        a, b = int(here[k]), int(nearest[k])
         if motion_is_free(q_rad[a], q_rad[b]):
             return a, b
     return None
+
+
+def _nearest_outside(tree: KDTree, q_rad: F64, inside: NDArray[np.bool_], most_rad: float) -> tuple[F64, NDArray[np.intp]]:
+    """For each neuron that is ``inside``, in order, the nearest one that is not, and its distance; infinite beyond ``most_rad``.
+
+    ``tree`` has all neurons: of a few inside, one more than they are has one that is outside among its nearest.
+    """
+    here, there = np.flatnonzero(inside), np.flatnonzero(~inside)
+    if len(there) == 0 or len(here) > FEW:
+        distance, which = KDTree(q_rad[there]).query(q_rad[here], distance_upper_bound=most_rad)
+        return distance, np.append(there, -1)[which]
+    distances, who = tree.query(q_rad[here], k=np.arange(1, len(here) + 2), distance_upper_bound=most_rad)
+    is_inside = np.append(inside, False)[who]  # who is the number of all neurons, and infinitely far, where there is none
+    first = np.argmin(is_inside, axis=1)
+    row = np.arange(len(here))
+    return distances[row, first], who[row, first]
 
 
 def largest_component(joined: CognitiveMap) -> CognitiveMap:
@@ -124,16 +143,24 @@ def fill_up(whole: CognitiveMap, samples_rad: F64, n_neurons: int, motion_is_fre
     q[:n] = whole.q_rad
     edges = [whole.edges.astype(np.int64)]
     distance, _ = KDTree(whole.q_rad).query(samples_rad)
+    samples = KDTree(samples_rad)
     while n < n_neurons and distance.max() > 0.0:
         worst = int(np.argmax(distance))
         sample = samples_rad[worst]
-        nearest = np.argsort(np.linalg.norm(q[:n] - sample, axis=1), kind="stable")[:join_neighbours]
-        free = [int(k) for k in nearest if motion_is_free(q[k], sample)]
+        free = [k for k in _nearest(q[:n], sample, join_neighbours) if motion_is_free(q[k], sample)]
         if not free:
             distance[worst] = 0.0  # cannot be joined from here: left out
             continue
         q[n] = sample
         edges.append(np.array([(k, n) for k in free], dtype=np.int64))
-        distance = np.minimum(distance, np.linalg.norm(samples_rad - sample, axis=1))
+        nearer = samples.query_ball_point(sample, distance[worst])  # no sample was farther from the map than this one
+        distance[nearer] = np.minimum(distance[nearer], np.linalg.norm(samples_rad[nearer] - sample, axis=1))
         n += 1
     return CognitiveMap.of(q[:n], np.vstack(edges))
+
+
+def _nearest(q_rad: F64, q: F64, n: int) -> list[int]:
+    """The ``n`` nearest to ``q`` (J,), nearest first, of equals the lower index."""
+    distance = np.linalg.norm(q_rad - q, axis=1)
+    near = np.flatnonzero(distance <= np.partition(distance, min(n, len(distance)) - 1)[min(n, len(distance)) - 1])
+    return [int(k) for k in near[np.argsort(distance[near], kind="stable")[:n]]]

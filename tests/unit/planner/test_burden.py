@@ -13,7 +13,7 @@ from common.geometry.grid import Grid
 from common.robot.model import RobotModel
 from common.robot.payload import Payload, with_payload
 from services.planner.core.arm import arm_of, solids_of
-from services.planner.core.burden import Burden, BurdenGround, last_body_alone
+from services.planner.core.burden import Burden, BurdenGround, _Union, last_body_alone
 from services.planner.core.check import Checker
 from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.growth import Addition, Ground, grown
@@ -80,7 +80,7 @@ def loaded(bench) -> Loaded:
 
 
 def _rows_of(offset, owner, k) -> set[int]:
-    rows = np.repeat(np.arange(GRID.n_cells), np.diff(offset))
+    rows = np.repeat(np.arange(GRID.n_cells), np.diff(offset[0]))
     return set(rows[owner == k].tolist())
 
 
@@ -110,7 +110,7 @@ def _edge_bands(roadmap: Roadmap) -> np.ndarray:
 def _bands_of(roadmap: Roadmap, of: str, n: int) -> np.ndarray:
     layers = roadmap.table.layers
     offset, owner = getattr(layers, f"{of}_offset"), getattr(layers, f"{of}_owner")
-    entry = np.repeat(np.arange(len(offset) - 1), np.diff(offset))
+    entry = np.repeat(np.arange(offset.shape[1] - 1), np.diff(offset[0]))
     bands = np.full((n, layers.n_blocks), layers.n_bands)
     assert len(np.unique(np.stack([owner.astype(int), entry // layers.n_bands]), axis=1).T) == len(owner), "once in a block's rows"
     bands[owner, entry // layers.n_bands] = entry % layers.n_bands
@@ -196,7 +196,7 @@ def test_what_the_box_would_hit_is_barred_and_stays_so(loaded: Loaded) -> None:
         if ends_free and loaded.bare_arm.segment(nothing, loaded.held.neurons_rad[a], loaded.held.neurons_rad[b]):
             assert (e in table.barred_edges) is not free
     counts = BlockedCounts(table, N, loaded.held.n_edges)
-    cells = np.flatnonzero(np.diff(table.node_offset))[::7].astype(np.int32)
+    cells = np.flatnonzero(np.diff(table.node_offset[0]))[::7].astype(np.int32)
     counts.set_cells(cells)
     assert counts.n_blocked > len(table.barred_nodes)
     assert np.all(counts.without(cells).node[table.barred_nodes] == 1)
@@ -238,3 +238,22 @@ def test_unions_equal_their_slow_twin(a: list[list[int]], b: list[list[int]], n_
     owner = np.empty(offset[-1], dtype=np.uint16)
     fill_unions(*flat(a), *flat(b), n_bands, np.full(31, -1), offset, owner)
     assert owner.tolist() == [k for row in wanted for k in row]
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000), st.integers(1, 3), st.integers(1, 3))
+def test_rows_of_two_tables_are_joined_page_by_page(seed: int, n_pages: int, n_bands: int) -> None:
+    """An owner is in the lowest band alone in which either table has it; the same numbers in two pages are two owners."""
+    rng, n_blocks, owners = np.random.default_rng(seed), 4, 6
+    shape = (n_pages, n_blocks, owners)
+    bands = [np.where(rng.random(shape) < 0.5, rng.integers(0, n_bands, shape), n_bands) for _ in range(2)]
+
+    def table(band: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        rows = [[np.flatnonzero(block == k) for block in page for k in range(n_bands)] for page in band]
+        ends = np.cumsum([len(row) for page in rows for row in page]).reshape(n_pages, -1)
+        offset = np.concatenate([np.concatenate([[0], ends[:-1, -1]])[:, None], ends], axis=1)
+        return offset.astype(np.int64), np.concatenate([row for page in rows for row in page]).astype(np.uint16)
+
+    offset, owner = _Union(table(bands[0]), table(bands[1]), n_bands).rows()
+    expected = table(np.minimum(*bands))
+    assert np.array_equal(offset, expected[0]) and np.array_equal(owner, expected[1]) and owner.dtype == np.uint16

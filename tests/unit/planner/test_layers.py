@@ -97,7 +97,7 @@ def test_a_band_is_never_farther_than_the_truth_and_seldom_much_nearer(bench, sm
 
 def _table(small):
     n = GRID.n_cells + 1
-    rows = (np.zeros(n, dtype=np.int64), np.empty(0, dtype=np.uint16))
+    rows = (np.zeros((1, n), dtype=np.int64), np.empty(0, dtype=np.uint16))
     return LookupTable(*rows, *rows, np.empty(0, dtype=np.int32), small.layers)
 
 

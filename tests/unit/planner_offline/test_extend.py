@@ -99,8 +99,8 @@ def test_useless_samples_are_refused(scene: Scene, config: PlannerConfig, kept: 
 
 
 def test_a_map_that_would_grow_too_large_is_refused(scene: Scene, config: PlannerConfig, kept: build.Built, task_rad: np.ndarray) -> None:
-    too_many = msgspec.structs.replace(config, extend=ExtendConfig(n_added=60_000))
-    with pytest.raises(ConfigError, match="n_added: 150 \\+ 60000"):
+    too_many = msgspec.structs.replace(config, extend=ExtendConfig(n_added=200_000))
+    with pytest.raises(ConfigError, match="n_added: 150 \\+ 200000"):
         extend(scene, too_many, kept.learned, task_rad)
 
 

@@ -4,9 +4,18 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
 from services.planner.core.cognitive_map import CognitiveMap, components, statistics
-from services.planner.offline.pruning import fill_up, join_components, largest_component, prune, prune_lattice, without_collisions
+from services.planner.offline.pruning import (
+    _nearest_outside,
+    fill_up,
+    join_components,
+    largest_component,
+    prune,
+    prune_lattice,
+    without_collisions,
+)
 
 
 def pose_is_free(q: np.ndarray) -> bool:
@@ -47,6 +56,20 @@ def test_components_are_joined_by_free_bridges_only() -> None:
     assert len(np.unique(components(joined.n_neurons, joined.edges))) == 1
     assert all_free(joined)
     assert len(np.unique(components(cut.n_neurons, join_components(cut, motion_is_free, 0.05).edges))) == 3
+
+
+@pytest.mark.parametrize("share_inside", [0.0, 0.01, 0.5, 0.99, 1.0])
+def test_the_nearest_neuron_outside_is_that_of_brute_force(share_inside: float) -> None:
+    rng = np.random.default_rng(4)
+    q = rng.normal(size=(400, 3))
+    inside = np.linalg.norm(q - q[0], axis=1) <= np.quantile(np.linalg.norm(q - q[0], axis=1), share_inside)
+    distance, nearest = _nearest_outside(KDTree(q), q, inside, 0.6)
+    for k, here in enumerate(np.flatnonzero(inside)):
+        apart = np.where(inside, np.inf, np.linalg.norm(q - q[here], axis=1))
+        if apart.min() < 0.6:
+            assert nearest[k] == np.argmin(apart) and distance[k] == pytest.approx(apart.min())
+        else:
+            assert np.isinf(distance[k])
 
 
 def test_the_largest_component_stays() -> None:
