@@ -35,7 +35,7 @@ PoseCheck = Callable[[F64], bool]  # q (J,): free?
 MotionCheck = Callable[[F64, F64], bool]  # from, to (J,): free?
 
 BRIDGE_ATTEMPTS = 50  # our choice: pairs of neurons that are tried to join a component
-FEW = 64  # neurons of a component whose nearest others are found in a tree of all; of more, a tree of the others is made; our choice
+FEW = 400  # neurons of a component whose nearest others are found in a tree of all; of more, a tree of the others is made; our choice
 
 
 def prune(
