@@ -97,9 +97,9 @@ def _box_that_costs(operator: Operator, detour_rad: float) -> tuple[list[float],
     grid = Grid(tuple(info.origin_m), tuple(info.shape), info.resolution_m)
 
     def length_rad(cells: np.ndarray) -> float | None:
-        request = PlanRequest(goal=SetGoal(pose=OVER_PLACE), cells=cells, grid_fingerprint=info.fingerprint)
+        request = PlanRequest(goal=SetGoal(pose=OVER_PLACE), cells=cells, grid_fingerprint=info.fingerprint, refine=True)
         reply = operator.bus.request("planner/plan", request, PlanReply, timeout_s=20.0)
-        return reply.length_rad if reply.outcome == "path" else None
+        return None if reply.trajectory is None else float(np.linalg.norm(np.diff(reply.trajectory.q_rad, axis=0), axis=1).sum())
 
     free_rad = length_rad(np.empty(0, dtype=np.int32))
     assert free_rad is not None

@@ -30,7 +30,7 @@ RANGE = (np.full(6, -np.pi), np.full(6, np.pi))
 @pytest.fixture(scope="module")
 def world(bench) -> World:
     """A post in the middle of the straight way."""
-    rows = (np.zeros(bench.grid.n_cells + 1, dtype=np.int64), np.empty(0, dtype=np.uint16))
+    rows = (np.zeros((1, bench.grid.n_cells + 1), dtype=np.int64), np.empty(0, dtype=np.uint16))
     counts = BlockedCounts(LookupTable(*rows, *rows, np.empty(0, dtype=np.int32)), 2, 1)
     counts.set_cells(np.unique(box_cells(bench.grid, np.array([0.3, -0.04, 0.0]), np.array([0.5, 0.04, 0.25]))).astype(np.int32))
     return World.of(bench.grid, counts)
@@ -84,7 +84,7 @@ def test_a_straight_path_costs_no_look(bench, world):
 
 def _planner(bench, looks):
     learned = CognitiveMap(np.array([HERE, THERE]), np.array([[0, 1]], dtype=np.int32))
-    rows = (np.zeros(bench.grid.n_cells + 1, dtype=np.int64), np.empty(0, dtype=np.uint16))
+    rows = (np.zeros((1, bench.grid.n_cells + 1), dtype=np.int64), np.empty(0, dtype=np.uint16))
     roadmap = Roadmap.of(learned, LookupTable(*rows, *rows, np.empty(0, dtype=np.int32)), "gng")
     hand, limits = HandReach(0.25, 0.15, np.full(6, 5.0)), Limits(np.full(6, 2.0), np.full(6, 5.0))
     return MotionPlanner(PathFinder(roadmap, bench.checker), limits, hand, RANGE, shortcut_checks=0, refine_looks=looks)

@@ -136,7 +136,7 @@ def test_the_law_is_the_standards(separation_m, law):
 
 def _world(bench, flat, recent=()):
     n = bench.grid.n_cells + 1
-    rows = (np.zeros(n, dtype=np.int64), np.empty(0, dtype=np.uint16))
+    rows = (np.zeros((1, n), dtype=np.int64), np.empty(0, dtype=np.uint16))
     counts = BlockedCounts(LookupTable(*rows, *rows, np.empty(0, dtype=np.int32)), 1, 1)
     counts.set_cells(np.asarray(flat, dtype=np.int32))
     return World.of(bench.grid, counts, np.asarray(recent, dtype=np.int32))
