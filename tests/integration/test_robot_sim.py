@@ -338,5 +338,6 @@ def test_kill_of_any_sense_in_mid_motion_stops_the_arm_in_time_and_work_goes_on(
 
 def test_keys_are_those_of_the_contract() -> None:
     assert {c.key for c in keys.CHANNELS if c.key.startswith("robot/")} == {
-        "robot/guide", "robot/grasp", "robot/state", "robot/scene", "robot/obstacle", "robot/stop", "robot/resume", "robot/reset", "robot/clearance",
+        "robot/guide", "robot/grasp", "robot/state", "robot/scene", "robot/obstacle", "robot/stop", "robot/resume", "robot/reset",
+        "robot/clearance",
     }  # fmt: skip
