@@ -16,7 +16,7 @@ I32 = NDArray[np.int32]
 
 
 def index_neurons(q_rad: F64) -> NeuronIndex:
-    """The index of neurons (N, J), N >= 1: halved at the median of the joint in which they spread most, until leaves are small."""
+    """The index of neurons (N, J), possibly none: halved at the median of the joint of widest spread, until leaves are small."""
     depth = max(0, math.ceil(math.log2(max(1, len(q_rad)) / BUCKET)))
     n_nodes = 2 ** (depth + 1) - 1
     low, high = np.empty((n_nodes, q_rad.shape[1])), np.empty((n_nodes, q_rad.shape[1]))

@@ -32,8 +32,8 @@ def tightened(checker: Checker, cells: Cells, joined: Joined) -> Joined:
 
 def _corners_cut(checker: Checker, cells: Cells, joined: Joined) -> Joined:
     q, neurons = _in_pieces(joined.q_rad, np.concatenate([[NO_NEURON], joined.neurons, [NO_NEURON]]).astype(np.int32))
-    kept = np.empty(len(q), dtype=np.int64)
-    n = cut_corners(checker.arm, checker.solids, cells, checker.safety_m, FINER * checker.step_m, q, 0, CUTS, kept)
+    kept, proven = np.empty(len(q), dtype=np.int64), np.empty(len(q), dtype=np.uint8)
+    n = cut_corners(checker.arm, checker.solids, cells, checker.safety_m, FINER * checker.step_m, q, 0, CUTS, kept, proven)
     return Joined(np.ascontiguousarray(q[kept[:n]]), neurons[kept[:n]][1:-1])
 
 

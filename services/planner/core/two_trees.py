@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.planner.core.check import Checker
+from services.planner.core.neuron_index import index_neurons
 from services.planner.kernels import repair as kernel
 from services.planner.kernels.cells import Cells
 from services.planner.kernels.connect import Graph
@@ -46,8 +47,8 @@ class Joined:
 
 def no_map(n_joints: int) -> tuple[Graph, I32, I32]:
     """The map that knows nothing: graph, blocked neurons, blocked edges."""
-    none = np.empty(0, dtype=np.int32)
-    return Graph(np.empty((0, n_joints)), np.zeros(1, dtype=np.int64), none, none, np.empty(0)), none, none
+    none, nobody = np.empty(0, dtype=np.int32), np.empty((0, n_joints))
+    return Graph(nobody, np.zeros(1, dtype=np.int64), none, none, np.empty(0), index_neurons(nobody)), none, none
 
 
 def seed_of(*parts: NDArray[np.generic]) -> U64:

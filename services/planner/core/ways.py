@@ -162,6 +162,8 @@ class Thinking:
         self._tries += 1
         self.is_stale = not np.array_equal(world.counts.cells, self.world.counts.cells)
         motion = self._planner.along(world, replace(self._ask, q_goal=found.q_rad[-1]), found, watch)
+        if motion is not None and self.is_stale and self._planner.checker.curve(world.cells, motion.curve)[0] != FREE:
+            motion = None  # a path's first and last piece count as free where it was found: here they need not be
         if motion is None and self._tries == TRIES:
             self._why.append(f"no curve along the way of the {found.way} is free")
         return motion

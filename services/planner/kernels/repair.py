@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 
 from services.planner.kernels.collision import FREE, pose_verdict
 from services.planner.kernels.connect import Graph
-from services.planner.kernels.path import nearest_free, segment_verdict
+from services.planner.kernels.neuron_index import nearest_free
+from services.planner.kernels.path import segment_verdict
 from services.planner.kernels.search import pop, push
+from services.planner.kernels.way import line_is_free
 from services.planner.kernels.xoshiro import uniform
 
 __all__ = ["EXHAUSTED", "GROWING", "JOINED", "Space", "Trees", "grow", "plant", "root_in_map"]
@@ -113,7 +115,7 @@ def _append(trees, side, q, parent, neuron):  # type: ignore[no-untyped-def]
 
 @njit(cache=True, nogil=True)
 def _is_free(space, q_a, q_b):  # type: ignore[no-untyped-def]
-    return segment_verdict(space.arm, space.solids, space.cells, space.safety_m, space.step_m, q_a, q_b)[0] == FREE
+    return line_is_free(space.arm, space.solids, space.cells, space.safety_m, space.step_m, q_a, q_b)
 
 
 @njit(cache=True, nogil=True)
@@ -158,7 +160,7 @@ def root_in_map(space, trees, side, root, n_connections):  # type: ignore[no-unt
     """
     index, distance = np.empty(n_connections, dtype=np.int32), np.empty(n_connections)
     q = trees.q_rad[side, root]
-    for k in range(nearest_free(space.graph.neurons_rad, space.node_count, q, index, distance)):
+    for k in range(nearest_free(space.graph.index, space.node_count, q, index, distance)):
         n = index[k]
         is_known = trees.owner[n] != NOBODY  # then the start reaches it, and a goal is being joined
         worth = distance[k] + trees.cost[n] < trees.best[0] if is_known else distance[k] < trees.cost[n]
