@@ -208,5 +208,5 @@ def _add_to_band(row, k, sign, row_offset, row_owner, count):  # type: ignore[no
     """Add ``sign`` to band ``k`` of every owner in a row."""
     for page in range(len(row_offset)):
         mine = count[page * PAGE :]
-        for i in range(row_offset[page, row], row_offset[page, row + 1]):
-            mine[row_owner[i], k] += sign
+        for owner in row_owner[row_offset[page, row] : row_offset[page, row + 1]]:
+            mine[np.uint64(owner), np.uint64(k)] += sign  # unsigned: as for the lookup table's counts

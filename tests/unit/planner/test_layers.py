@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import coal
@@ -17,7 +18,7 @@ from services.planner.core.find import PathFinder
 from services.planner.core.growth import Addition, Ground, grown
 from services.planner.core.layer_table import NO_LAYERS, NearCounts
 from services.planner.core.layers import LayerRules, build_layers
-from services.planner.core.lookup import BlockedCounts, LookupTable, build_table
+from services.planner.core.lookup import BlockedCounts, LookupTable, build_table, cells_of_pose
 from services.planner.core.roadmap import Roadmap
 from services.planner.kernels.moves import segment_steps
 from tests.support.slow_layers import slow_pose_bands
@@ -138,6 +139,21 @@ def test_more_cells_never_raise_a_band(small, some, more):
     node, edge = counts.near.node_band(), counts.near.edge_band(small.edges)
     counts.set_cells(np.array(sorted(some | more), dtype=np.int32))
     assert np.all(counts.near.node_band() <= node) and np.all(counts.near.edge_band(small.edges) <= edge)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(*(st.integers(-8, 40) for _ in range(3)), *(st.integers(1, 30) for _ in range(3))), max_size=4))
+def test_enclosed_cells_change_no_band(bench, small, boxes):
+    swept = [set(cells_of_pose(small.arm, GRID, q, safety_m=0.02).tolist()) for q in small.q]
+    table = replace(_table(small), unavoidable=np.array(sorted(set.intersection(*swept)), dtype=np.int32))
+    full = np.zeros(GRID.shape, dtype=bool)
+    for x, y, z, nx, ny, nz in boxes:
+        full[max(0, x) : max(0, x + nx), max(0, y) : max(0, y + ny), max(0, z) : max(0, z + nz)] = True
+    outer, every = BlockedCounts(table, 8, 5, GRID.shape), BlockedCounts(table, 8, 5)
+    for counts in (outer, every):
+        counts.set_cells(np.setdiff1d(np.flatnonzero(full), table.unavoidable).astype(np.int32))
+    assert np.array_equal(outer.near.node_band(), every.near.node_band())
+    assert np.array_equal(outer.near.edge_band(small.edges), every.near.edge_band(small.edges))
 
 
 def test_what_is_blocked_is_in_the_lowest_band(bench):
