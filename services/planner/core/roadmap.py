@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -43,7 +44,7 @@ class Roadmap:
     table: LookupTable
     model: str
 
-    @property
+    @cached_property
     def graph(self) -> Graph:
         """The map as the searches see it."""
         return Graph(self.neurons_rad, self.adj_offset, self.adj_node, self.adj_edge, self.adj_length, self.index)

@@ -14,6 +14,7 @@ from numba import njit
 from common.robot.kernels import body_grid, forward_kinematics
 from services.planner.kernels.collision import ROOT3, cell_touches_body
 from services.planner.kernels.moves import segment_steps
+from services.planner.kernels.prefetch import AHEAD, fetch_row, prefetch
 
 __all__ = ["PAGE", "change_counts", "count_rows", "difference", "edge_extra_cells", "exposed_cells", "node_cells", "pose_cells"]
 
@@ -185,35 +186,40 @@ def exposed_cells(cells, appeared, gone, never, shape, occupied, out):  # type: 
 
     Args:
         cells: flat indices, ascending, of all that is occupied.
-        appeared, gone: how they differ from the last call's.
-        never: flat indices of cells that count as empty whatever they are.
+        appeared, gone: how they differ from the last call's, ascending.
+        never: flat indices, ascending, of cells that count as empty whatever they are.
         shape: (3,) of the grid.
         occupied: the grid with a rim of empty cells, flat, uint8; kept from call to call.
         out: (C,) the answer, ascending. Returns how many there are.
     """
     side_z, side_yz = shape[2] + 2, (shape[1] + 2) * (shape[2] + 2)
     for changed, state in ((gone, 0), (appeared, 1), (never, 0)):
+        row_end, shift = -1, 0
         for cell in changed:
-            occupied[_with_rim(cell, shape, side_z, side_yz)] = state
-    n_out = 0
+            if cell >= row_end:
+                row_end, shift = _row_in_rim(cell, shape, side_z, side_yz)
+            occupied[cell + shift] = state
+    n_out, row_end, shift = 0, -1, 0
     for cell in cells:
-        middle = _with_rim(cell, shape, side_z, side_yz)
-        n_full = 0
-        for dx in (-side_yz, 0, side_yz):
-            for dy in (-side_z, 0, side_z):
-                at = middle + dx + dy
-                n_full += occupied[at - 1] + occupied[at] + occupied[at + 1]
-        if n_full < 27:
+        if cell >= row_end:
+            row_end, shift = _row_in_rim(cell, shape, side_z, side_yz)
+        at = cell + shift
+        enclosed = occupied[at - 1] & occupied[at + 1] & occupied[at - side_z] & occupied[at + side_z]  # most cells show here already
+        if enclosed:
+            for dx in (-side_yz, 0, side_yz):
+                for dy in (-side_z, 0, side_z):
+                    enclosed &= occupied[at + dx + dy - 1] & occupied[at + dx + dy] & occupied[at + dx + dy + 1]
+        if not enclosed:
             out[n_out] = cell
             n_out += 1
     return n_out
 
 
 @njit(cache=True, nogil=True, inline="always")
-def _with_rim(cell, shape, side_z, side_yz):  # type: ignore[no-untyped-def]
-    """The index of a cell in the grid that has a rim of one cell on every side."""
+def _row_in_rim(cell, shape, side_z, side_yz):  # type: ignore[no-untyped-def]
+    """Where the row of cells along z ends that ``cell`` is in, and how much larger its indices are in the grid that has a rim."""
     row = cell // shape[2]
-    return (row // shape[1] + 1) * side_yz + (row % shape[1] + 1) * side_z + cell % shape[2] + 1
+    return (row + 1) * shape[2], (row // shape[1] + 1) * side_yz + (row % shape[1] + 1) * side_z + 1 - row * shape[2]
 
 
 @njit(cache=True, nogil=True)
@@ -231,8 +237,13 @@ def change_counts(appeared, gone, node_offset, node_owner, node, edge_offset, ed
 @njit(cache=True, nogil=True)
 def _add_to_counts(cells, sign, row_offset, row_owner, count):  # type: ignore[no-untyped-def]
     """Add ``sign`` to ``count`` of every owner in the rows of ``cells`` (C,). Cost follows the changed cells."""
+    n = len(cells)
     for page in range(len(row_offset)):
         offset, mine = row_offset[page], count[page * PAGE :]
-        for c in range(len(cells)):
+        for c in range(n):
+            if c + 2 * AHEAD < n:
+                prefetch(offset, np.int64(cells[c + 2 * AHEAD]))
+            if c + AHEAD < n:
+                fetch_row(offset, row_owner, cells[c + AHEAD], cells[c + AHEAD] + 1)
             for owner in row_owner[offset[cells[c]] : offset[cells[c] + 1]]:
                 mine[np.uint64(owner)] += sign  # unsigned, or each would be looked at whether it counts from the end: a third slower
