@@ -11,19 +11,27 @@ from common.robot.kernels import body_grid, look_near, to_joint_frame
 
 __all__ = ["cover_distance", "pair_distance", "to_parts", "to_world"]
 
+AMPLE_M = 0.05  # our choice
+
 
 @njit(cache=True, nogil=True)
 def pair_distance(grids, a, b, rotation, translation, fine_m):  # type: ignore[no-untyped-def]
     """Lower bound in metres of the distance between bodies ``a`` and ``b`` (negative: overlap).
 
     The spheres of the body that has fewer groups are looked up in the other's grid, group by group. Bodies and groups that are more than
-    ``fine_m`` apart (by the spheres that contain them, by the grid) are not looked into: the bound is coarser there.
+    ``fine_m`` apart (by the spheres that contain them, by the grid) are not looked into: the bound is coarser there, and coarsest where two
+    spheres about the bodies leave ``AMPLE_M`` more.
     ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3): frames.
     """
     if grids.group_offset[a + 1] - grids.group_offset[a] > grids.group_offset[b + 1] - grids.group_offset[b]:
         a, b = b, a
     ja, jb = grids.body_joint[a], grids.body_joint[b]
     turn_a, shift_a, turn_b, shift_b = rotation[ja], translation[ja], rotation[jb], translation[jb]
+    ax, ay, az = to_world(turn_a, shift_a, grids.bound_centre_m, a)
+    bx, by, bz = to_world(turn_b, shift_b, grids.bound_centre_m, b)
+    apart = math.sqrt((ax - bx) ** 2 + (ay - by) ** 2 + (az - bz) ** 2) - grids.bound_radius_m[a] - grids.bound_radius_m[b]
+    if apart > fine_m + AMPLE_M:
+        return apart
     apart = np.inf
     for p in range(grids.part_offset[a], grids.part_offset[a + 1]):
         x, y, z = to_world(turn_a, shift_a, grids.part_m, p)

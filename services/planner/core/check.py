@@ -144,6 +144,8 @@ class Checker:
         What was seen at an exposure may be ``speed`` times t nearer a time t after it. Beyond the horizon there is time to see it and to
         stop, so only the near part of the curve is looked at, in windows of growing room.
         """
+        if len(recent.flat) == 0:
+            return None
         horizon = reach.horizon_s(curve, from_s)
         window = horizon / HAND_WINDOWS
         for k in range(HAND_WINDOWS):

@@ -19,6 +19,7 @@ from services.planner.kernels.neuron_index import nearest_free
 from services.planner.kernels.refine import refine
 from services.planner.kernels.search import NOT_FOUND
 from services.planner.kernels.shorten import cut_corners
+from services.planner.kernels.way import new_rooms
 
 __all__ = ["N_CONNECTIONS", "SEARCHES", "PathFinder", "Pieces", "Rules"]
 
@@ -133,8 +134,9 @@ class PathFinder:
 
     def new_ends(self) -> Ends:
         """Room for the neurons that a question's start and goal may join."""
-        index = np.empty((2, N_CONNECTIONS), dtype=np.int32)
-        return Ends(index, np.empty((2, N_CONNECTIONS)), np.zeros((2, N_CONNECTIONS), dtype=np.int8), np.zeros(2, dtype=np.int64))
+        shape = (2, N_CONNECTIONS)
+        rooms = new_rooms(self.checker.arm, 2)
+        return Ends(np.empty(shape, dtype=np.int32), np.empty(shape), np.zeros(shape, dtype=np.int8), np.zeros(2, dtype=np.int64), rooms)
 
     def question(self, world: World, edge_count: I32, q_start: F64, q_goal: F64, search: str) -> tuple[Any, ...]:
         """What the kernels are told of a question: map, what is blocked, checks, ends."""

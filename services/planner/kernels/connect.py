@@ -16,7 +16,7 @@ from services.planner.kernels.bidirectional import both_ends
 from services.planner.kernels.collision import FREE, pose_verdict
 from services.planner.kernels.neuron_index import NeuronIndex, nearest_free
 from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
-from services.planner.kernels.way import line_is_free
+from services.planner.kernels.way import line_between_is_free, new_rooms, pose_room
 
 __all__ = [
     "ASTAR",
@@ -68,6 +68,7 @@ class Ends(NamedTuple):
     cost: F64  # (2, K) rad; infinite: not to be used
     known: I8  # (2, K) UNKNOWN, JOINS, BARRED
     n: I64  # (2,) how many of the K there are
+    room_m: F64  # (2, 2 B + P) of the start and the goal themselves, as kernels.way fills it; NaN in the first place: not looked at yet
 
 
 class Scratch(NamedTuple):
@@ -117,9 +118,9 @@ def join_ends(graph, node_count, q_start, q_goal, ends):  # type: ignore[no-unty
 def _joins(arm, solids, cells, safety_m, step_m, graph, q_end, end, k, ends):  # type: ignore[no-untyped-def]
     """Whether connection ``k`` of an end is free; looked at once."""
     if ends.known[end, k] == UNKNOWN:
-        q = graph.neurons_rad[ends.neuron[end, k]]
-        a, b = (q_end, q) if end == START else (q, q_end)
-        free = line_is_free(arm, solids, cells, safety_m, step_m, a, b)
+        q, room_m, room_end_m = graph.neurons_rad[ends.neuron[end, k]], new_rooms(arm, 1)[0], ends.room_m[end]
+        line = (q_end, q, room_end_m, room_m) if end == START else (q, q_end, room_m, room_end_m)
+        free = line_between_is_free(arm, solids, cells, safety_m, step_m, *line, False)
         ends.known[end, k] = JOINS if free else BARRED
     return ends.known[end, k] == JOINS
 
@@ -168,20 +169,18 @@ def ask_map(kind, graph, node_count, edge_count, near, arm, solids, cells, safet
         graph: the map. node_count (N,), edge_count (M,): blocked while above zero. near: what nearness costs.
         arm, solids, cells, safety_m, step_m: as for the checks.
         q_start, q_goal: (J,) rad.
-        ends: filled here, for questions that go on from there.
+        ends: with rooms that were not looked at; filled here, for questions that go on from there.
         scratch: ``scratch.path`` holds the neurons of the answer.
 
     Returns:
         (FOUND | DIRECT | NO_WAY | START_BLOCKED | GOAL_BLOCKED, number of neurons, verdict and index of what blocks an end).
     """
     rotation, translation = np.empty((len(q_start) + 1, 3, 3)), np.empty((len(q_start) + 1, 3))
-    verdict, index = pose_verdict(arm, solids, cells, safety_m, q_start, rotation, translation)
-    if verdict != FREE:
-        return START_BLOCKED, 0, verdict, index
-    verdict, index = pose_verdict(arm, solids, cells, safety_m, q_goal, rotation, translation)
-    if verdict != FREE:
-        return GOAL_BLOCKED, 0, verdict, index
-    if line_is_free(arm, solids, cells, safety_m, step_m, q_start, q_goal):
+    for q, room_m, outcome in ((q_start, ends.room_m[START], START_BLOCKED), (q_goal, ends.room_m[GOAL], GOAL_BLOCKED)):
+        if not pose_room(arm, solids, cells, safety_m, q, room_m):
+            verdict, index = pose_verdict(arm, solids, cells, safety_m, q, rotation, translation)
+            return outcome, 0, verdict, index
+    if line_between_is_free(arm, solids, cells, safety_m, step_m, q_start, q_goal, ends.room_m[START], ends.room_m[GOAL], True):
         return DIRECT, 0, FREE, -1
     join_ends(graph, node_count, q_start, q_goal, ends)
     n = connect(kind, graph, node_count, edge_count, near, arm, solids, cells, safety_m, step_m, q_start, q_goal, ends, scratch)

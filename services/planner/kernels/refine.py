@@ -12,7 +12,7 @@ import math
 import numpy as np
 from numba import njit
 
-from services.planner.kernels.way import line_is_free
+from services.planner.kernels.way import line_between_is_free, new_rooms
 from services.planner.kernels.xoshiro import uniform
 
 __all__ = ["refine"]
@@ -77,6 +77,7 @@ def refine(arm, solids, cells, safety_m, step_m, path, proven, n, first, n_looks
         rng: (4,) state of the generator; advanced.
     """
     along, q_a, q_b = np.empty(len(path)), np.empty(path.shape[1]), np.empty(path.shape[1])
+    rooms = new_rooms(arm, 2)
     _lengths(path, n, along)
     draws = n_looks * IDLE_DRAWS
     while n_looks > 0 and draws > 0 and n > first + 2:
@@ -89,7 +90,8 @@ def refine(arm, solids, cells, safety_m, step_m, path, proven, n, first, n_looks
         if a == b or at_b - at_a - math.sqrt(straight) < LEAST_GAIN_RAD or n - (b - a) + 2 > len(path):
             continue
         n_looks -= 1
-        if not line_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b):
+        rooms[:, 0] = np.nan
+        if not line_between_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b, rooms[0], rooms[1], True):
             continue
         n = _replace(path, proven, n, a, b, q_a, q_b)
         _lengths(path, n, along)

@@ -52,23 +52,35 @@ def body_separation(arm, reach, cells, b, turn, shift, enough_m):  # type: ignor
 
     Within ``reach`` by its grid, to each cell's ball; beyond by the spheres that contain the body.
     """
-    grids, centre = arm.grids, cells.centre_m
+    grids, centre, block, ball_m = arm.grids, cells.centre_m, cells.block_m, cells.half_m * ROOT3
     distance, grid = reach.distance, reach_grid(reach, b)
-    ball_m = cells.half_m * ROOT3
-    best = enough_m
-    for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
-        cx, cy, cz = to_world(turn, shift, grids.part_m, p)
-        radius = grids.part_m[p, 3] + ball_m
-        for k in range(len(cells.block_m)):
-            dx, dy, dz = cells.block_m[k, 0] - cx, cells.block_m[k, 1] - cy, cells.block_m[k, 2] - cz
-            if math.sqrt(dx * dx + dy * dy + dz * dz) - cells.block_m[k, 3] - radius >= best:
+    bx, by, bz = to_world(turn, shift, grids.bound_centre_m, b)
+    around = grids.bound_radius_m[b] + ball_m
+    nearest, best, least = 0, enough_m, np.inf
+    for k in range(len(block)):
+        dx, dy, dz = block[k, 0] - bx, block[k, 1] - by, block[k, 2] - bz
+        apart = math.sqrt(dx * dx + dy * dy + dz * dz) - block[k, 3]
+        if apart < least:
+            nearest, least = k, apart
+    for step in range(len(block)):
+        k = nearest if step == 0 else (0 if step == nearest else step)  # the nearest first: most others cannot be nearer then
+        dx, dy, dz = block[k, 0] - bx, block[k, 1] - by, block[k, 2] - bz
+        within = best + block[k, 3] + around
+        if dx * dx + dy * dy + dz * dz >= within * within:
+            continue
+        for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
+            cx, cy, cz = to_world(turn, shift, grids.part_m, p)
+            radius = grids.part_m[p, 3] + ball_m
+            dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
+            within = best + block[k, 3] + radius
+            if dx * dx + dy * dy + dz * dz >= within * within:
                 continue
             for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
                 dx, dy, dz = centre[i, 0] - cx, centre[i, 1] - cy, centre[i, 2] - cz
-                apart = math.sqrt(dx * dx + dy * dy + dz * dz) - radius
-                if apart < best:
+                apart2, within = dx * dx + dy * dy + dz * dz, best + radius
+                if apart2 < within * within:
                     x, y, z = to_joint_frame(turn, shift, centre[i, 0], centre[i, 1], centre[i, 2])
-                    best = min(best, max(apart, look_far(distance, grid, x, y, z) - ball_m))
+                    best = min(best, max(math.sqrt(apart2) - radius, look_far(distance, grid, x, y, z) - ball_m))
     return best
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from numba import njit
 
-from services.planner.kernels.way import line_is_free
+from services.planner.kernels.way import line_between_is_free, new_rooms
 
 __all__ = ["cut_corners"]
 
@@ -15,10 +15,11 @@ def cut_corners(arm, solids, cells, safety_m, step_m, path, first, n_checks, kep
 
     ``proven`` (P,) uint8 out: 1 where the piece that begins at a kept point was looked at here and is free.
 
-    From each point on, the farthest point that a free straight segment reaches, by halving; at most ``n_checks`` segments are tried.
+    The points themselves are free. From each point on, the farthest point that a free straight segment reaches, by halving; at most
+    ``n_checks`` segments are tried.
     Points up to ``first`` all stay.
     """
-    n = 0
+    n, rooms = 0, new_rooms(arm, len(path))
     proven[:] = 0
     for k in range(first + 1):
         kept[n] = k
@@ -30,7 +31,8 @@ def cut_corners(arm, solids, cells, safety_m, step_m, path, first, n_checks, kep
                 ahead = here + 1
                 break
             n_checks -= 1
-            if line_is_free(arm, solids, cells, safety_m, step_m, path[here], path[ahead]):
+            ends = path[here], path[ahead], rooms[here], rooms[ahead]
+            if line_between_is_free(arm, solids, cells, safety_m, step_m, *ends, True):
                 proven[n - 1] = 1
                 break
             ahead = here + max(1, (ahead - here) // 2)
