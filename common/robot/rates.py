@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from common.robot.trajectory import JointTrajectory
 
-__all__ = ["largest_rates"]
+__all__ = ["hermite_rates", "largest_rates"]
 
 F64 = NDArray[np.float64]
 
@@ -22,13 +22,16 @@ def largest_rates(curve: JointTrajectory) -> tuple[F64, F64]:
     """(J,) largest speed in rad/s and (J,) largest acceleration in rad/s^2, by value; infinite where a number is absurd."""
     n_joints = curve.q_rad.shape[1]
     speed, acceleration = np.empty(n_joints), np.empty(n_joints)
-    _largest_rates(curve.t_s, curve.q_rad, curve.dq_rad_s, speed, acceleration)
+    hermite_rates(curve.t_s, curve.q_rad, curve.dq_rad_s, speed, acceleration)
     return speed, acceleration
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _largest_rates(t_s, q_rad, dq_rad_s, speed, acceleration):  # type: ignore[no-untyped-def]
-    """On a piece acceleration is linear in time and velocity quadratic: extremes lie at its ends or where acceleration is zero."""
+def hermite_rates(t_s, q_rad, dq_rad_s, speed, acceleration):  # type: ignore[no-untyped-def]
+    """:func:`largest_rates` into ``speed`` and ``acceleration`` (J,).
+
+    On a piece acceleration is linear in time and velocity quadratic: extremes lie at its ends or where acceleration is zero.
+    """
     for j in range(q_rad.shape[1]):
         fastest, hardest = 0.0, 0.0
         for k in range(len(t_s)):

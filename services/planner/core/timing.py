@@ -15,7 +15,7 @@ from common.robot.trajectory import JointTrajectory
 from services.planner.core.separation import Caps
 from services.planner.core.smoothing import Nurbs
 from services.planner.kernels.blends import LINE_STEP_RAD, sample_blends, sample_count
-from services.planner.kernels.timing import fastest_profile
+from services.planner.kernels.timing import CANNOT_ENTER, astray, fastest_within
 
 __all__ = ["Limits", "Timed", "brake", "limit_ratio", "time_blends", "time_curve", "time_polyline"]
 
@@ -25,10 +25,9 @@ GRID_STEP_RAD = (
 )
 GENTLE, HARD = 0.5, 0.98  # shares of the acceleration limits that stops use, with room and without; the rest of 2 % is for rounding
 FARTHER = 2.5  # how much farther along the way a gentle stop may end than a hard one; our choice
-ROUNDING = 1e-6  # a motion at its limit is not over it
 GRID_POINTS_MIN, GRID_POINTS_MAX = 24, 400
 KNOT_LEAST_S = 1e-4  # knots nearer than that are one
-TIGHTEN = (1.0, 0.92, 0.84, 0.7, 0.5)  # of the acceleration limits, until the Hermite curve between the knots keeps them too
+TIGHTEN = np.array([1.0, 0.92, 0.84, 0.7, 0.5])  # of the acceleration limits, until the Hermite curve between the knots keeps them too
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,30 +121,15 @@ def _time_capped(
     s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None, cap: F64
 ) -> tuple[Timed, F64] | None:
     """The motion, and (N,) the (ds/dt)^2 that none under a lower ``cap`` exceeds."""
-    speed = 0.0
-    if velocity_start is not None:
-        speed = float(velocity_start @ d1[0]) / max(float(d1[0] @ d1[0]), 1e-12)
-    x, upper, time = np.empty((3, len(s)))
-    for factor in TIGHTEN:
-        speed_limit, acceleration_limit = limits.velocity * max(factor, 0.9), limits.acceleration * factor
-        if not fastest_profile(s, d1, d2, d2_before, speed_limit, acceleration_limit, cap, speed, x, upper, time):
-            return None
-        dq = d1 * np.sqrt(x)[:, None]
-        dq[0] = 0.0 if velocity_start is None else velocity_start
-        trajectory = JointTrajectory(time.copy(), q, dq)
-        if limit_ratio(trajectory, limits) <= 1.0 + ROUNDING:
-            return Timed(trajectory, _astray(s, x, time, d2)), x / factor**2  # another one may get along with less tightening
-    return None
-
-
-def _astray(s: F64, x: F64, time: F64, d2: F64) -> F64:
-    """(J,) rad: how far the cubic between knots may be from the path itself, where that is a parabola of ``s`` between them.
-
-    With d2s/dt2 = a there, the fourth derivative of the joint by time is 3 a^2 d2, and a cubic Hermite interpolant over a time h is off by
-    h^4 / 384 times that at most (Burden and Faires, Numerical Analysis, theorem 3.9). Where the path is straight it is exact.
-    """
-    a = np.diff(x) / (2.0 * np.diff(s))
-    return np.asarray(np.max((np.diff(time) ** 4 * a**2 / 128.0)[:, None] * np.abs(d2[:-1]), axis=0))
+    dq_start = np.zeros(q.shape[1]) if velocity_start is None else np.asarray(velocity_start, dtype=np.float64)
+    speed = float(dq_start @ d1[0]) / max(float(d1[0] @ d1[0]), 1e-12)
+    (x, upper, time), dq, astray_rad = np.empty((3, len(s))), np.empty_like(q), np.empty(q.shape[1])
+    path, bounds = (s, q, d1, d2, d2_before), (limits.velocity, limits.acceleration, cap)
+    k = fastest_within(*path, *bounds, speed, dq_start, TIGHTEN, x, upper, time, dq)
+    if k in (CANNOT_ENTER, len(TIGHTEN)):
+        return None
+    astray(s, x, time, d2, astray_rad)
+    return Timed(JointTrajectory(time, q, dq), astray_rad), x / TIGHTEN[k] ** 2  # another one may get along with less tightening
 
 
 def limit_ratio(trajectory: JointTrajectory, limits: Limits) -> float:

@@ -13,9 +13,14 @@ import math
 import numpy as np
 from numba import njit
 
-__all__ = ["fastest_profile"]
+from common.robot.rates import hermite_rates
 
+__all__ = ["CANNOT_ENTER", "astray", "fastest_profile", "fastest_within"]
+
+CANNOT_ENTER = -1
 TINY = 1e-12
+ROUNDING = 1e-6  # a motion at its limit is not over it
+LEAST_SPEED_SHARE = 0.9  # of the speed limits, however much those of acceleration are tightened; our choice
 SLACK = 1e-9  # of rad/s^2; rounding must not make a touching pair of constraints infeasible
 
 
@@ -121,3 +126,52 @@ def fastest_profile(s, d1, d2, d2_before, velocity, acceleration, cap, speed_sta
             return False
         time[i + 1] = time[i] + 2.0 * delta / speeds
     return True
+
+
+@njit(cache=True, nogil=True)
+def fastest_within(  # type: ignore[no-untyped-def]
+    s, q, d1, d2, d2_before, velocity, acceleration, cap, speed_start, dq_start, factors, x, upper, time, dq
+):
+    """:func:`fastest_profile` at the first of ``factors`` at which the Hermite curve through the samples keeps the limits between them too.
+
+    Args:
+        q: (N, J) points of the path. dq_start: (J,) velocity at the first.
+        factors: (F,) of the acceleration limits, falling.
+        dq: (N, J) out: velocities at the samples.
+
+    Returns:
+        Index of the factor; F: none is small enough; ``CANNOT_ENTER``.
+    """
+    n_joints = len(velocity)
+    fastest, hardest = np.empty(n_joints), np.empty(n_joints)
+    for f in range(len(factors)):
+        slower, softer = velocity * max(factors[f], LEAST_SPEED_SHARE), acceleration * factors[f]
+        if not fastest_profile(s, d1, d2, d2_before, slower, softer, cap, speed_start, x, upper, time):
+            return CANNOT_ENTER
+        dq[0] = dq_start
+        for i in range(1, len(s)):
+            speed = math.sqrt(x[i])
+            for j in range(n_joints):
+                dq[i, j] = d1[i, j] * speed
+        hermite_rates(time, q, dq, fastest, hardest)
+        kept = True
+        for j in range(n_joints):
+            kept = kept and max(fastest[j] / velocity[j], hardest[j] / acceleration[j]) <= 1.0 + ROUNDING
+        if kept:
+            return f
+    return len(factors)
+
+
+@njit(cache=True, nogil=True)
+def astray(s, x, time, d2, most_rad):  # type: ignore[no-untyped-def]
+    """Fill ``most_rad`` (J,): how far the cubic between knots may be from the path, where that is a parabola of ``s`` between them.
+
+    With d2s/dt2 = a there, the fourth derivative of the joint by time is 3 a^2 d2, and a cubic Hermite interpolant over a time h is off by
+    h^4 / 384 times that at most (Burden and Faires, Numerical Analysis, theorem 3.9). Where the path is straight it is exact.
+    """
+    most_rad[:] = 0.0
+    for i in range(len(s) - 1):
+        a, h = (x[i + 1] - x[i]) / (2.0 * (s[i + 1] - s[i])), time[i + 1] - time[i]
+        share = h**4 * a * a / 128.0
+        for j in range(len(most_rad)):
+            most_rad[j] = max(most_rad[j], share * abs(d2[i, j]))
