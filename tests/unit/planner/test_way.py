@@ -8,7 +8,7 @@ import pytest
 from services.planner.core.world import cells_of
 from services.planner.kernels.collision import FREE, HIT_CELL
 from services.planner.kernels.moves import parabola_moves, segment_moves
-from services.planner.kernels.way import line_is_free, parabola_is_free
+from services.planner.kernels.way import line_between_is_free, line_is_free, new_rooms, parabola_is_free, pose_room
 from tests.support.exact import cube_distance_m
 
 STEP_M = 0.02
@@ -48,6 +48,30 @@ def test_a_line_is_free_as_its_poses_are(bench, seed):
         is_free = line_is_free(c.arm, c.solids, cells, c.safety_m, STEP_M, a, a + leg)
         same += _agree(bench, cells, a + np.linspace(0, 1, n + 1)[:, None] * leg, is_free)
         free += is_free
+    assert 3 < free < 37
+    assert same >= 39
+
+
+@pytest.mark.parametrize("doubtful", [False, True])
+def test_what_is_known_of_its_ends_changes_no_verdict(bench, doubtful):
+    """Whichever of its ends was looked at before, and whether its middle is looked at first."""
+    rng, c = np.random.default_rng(7), bench.checker
+    free = same = 0
+    for k in range(40):
+        a, legs, cells = _case(bench, rng)
+        b = a + legs.sum(axis=0)
+        check = (c.arm, c.solids, cells, c.safety_m)
+        rooms = new_rooms(c.arm, 2)
+        ends_free = [pose_room(*check, q, room) for q, room in zip((a, b), rooms, strict=True)]
+        assert ends_free == [c.pose(cells, q)[0] == FREE for q in (a, b)]
+        assert np.isnan(rooms[:, 0]).tolist() == [not is_free for is_free in ends_free]
+        for end in range(2):
+            if k >> end & 1:
+                rooms[end, 0] = np.nan
+        is_free = line_between_is_free(*check, STEP_M, a, b, *rooms, doubtful)
+        same += is_free == line_is_free(*check, STEP_M, a, b)
+        free += is_free
+        assert not is_free or (rooms > 0.0).all(), "both ends were looked at, and have room"
     assert 3 < free < 37
     assert same >= 39
 
