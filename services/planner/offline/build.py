@@ -26,6 +26,7 @@ from services.planner.core.cognitive_map import CognitiveMap, statistics
 from services.planner.core.layer_table import NO_LAYERS, LayerTable
 from services.planner.core.lookup import LookupTable
 from services.planner.offline import artefact
+from services.planner.offline.ahead import compile_ahead
 from services.planner.offline.config import MapConfig
 from services.planner.offline.extend import extend, refuse_lattice, samples_to_extend_by
 from services.planner.offline.finishing import CheckedMap, layer_rules, prune_grown, table_of
@@ -260,7 +261,7 @@ def _samples(job: Job, progress: Progress, *, force: bool) -> tuple[Samples, int
     if force:
         for chunk in order.chunks:
             order.path(chunk).unlink(missing_ok=True)
-    made = make_motions(order, lambda share: progress("motions", share))
+    made = make_motions(order, lambda share: progress("motions", share), lambda: compile_ahead(job.scene, job.config))
     paths = [path for path in made if len(path)] + list(job.recorded)
     return resample(paths, job.config.motions.n_samples), len(paths)
 
