@@ -28,10 +28,14 @@ READY_WITHIN_S = 300.0  # the first start on a machine compiles
 
 @dataclass(frozen=True, eq=False)
 class Answer:
-    """A motion or why there is none, milliseconds by stage, and which way it was; the map's own search has no stage ``repair``."""
+    """A motion or why there is none, milliseconds by stage, and which way it was; the map's own search has no stage ``repair``.
+
+    ``refined``: the second answer, which is the first where nothing better was found, ``ms["refined"]`` after the cells changed.
+    """
 
     motion: Motion | NotFound
     ms: dict[str, float]
+    refined: Motion | None = None
 
     @property
     def way(self) -> str | None:
@@ -70,7 +74,11 @@ class Answerer:
             motion = think(thinking, world, watch, self._sampler)
         watch.add("answer", began)
         watch.ms["connect_search"] = watch.ms["update"] + watch.ms["search"] + watch.ms.get("repair", 0.0)
-        return Answer(motion, watch.ms)
+        if not isinstance(motion, Motion):
+            return Answer(motion, watch.ms)
+        refined = self._planner.refined(world, ask, motion, watch)
+        watch.add("refined", began)
+        return Answer(motion, watch.ms, refined)
 
 
 @contextmanager

@@ -18,6 +18,7 @@ from rich.console import Console
 from rich.progress import track
 from rich.table import Table
 
+from benchmarks.answers import Answerer, fallback_of
 from benchmarks.peers.peer import TIME_LIMIT_S, Peer, Setting
 from benchmarks.peers.registry import PEERS, make_peer
 from benchmarks.provenance import provenance
@@ -26,7 +27,7 @@ from benchmarks.side_by_side import KINDS, OURS, Attempt, ask_ours, ask_peer, be
 from common.cell import load
 from common.config import plain
 from common.errors import RequestError
-from services.planner.assemble import Parts, assemble
+from services.planner.assemble import assemble
 from services.planner.config import PlannerConfig
 from services.planner.rehearsal import rehearse
 
@@ -57,7 +58,8 @@ def run(args: argparse.Namespace) -> int:
     parts = assemble(cell, config)
     rehearse(parts, time.monotonic_ns)
     asked = list(_shown(questions(parts, args.name, args.n, args.seed), args.n, "questions"))
-    attempts = _attempts(parts, peers, asked, args.limit_s, args.seed)
+    with fallback_of(parts) as sampler:
+        attempts = _attempts(Answerer(parts, sampler), peers, asked, args.limit_s, args.seed)
     attempts = judged(cell, attempts, asked, lambda verdicts, n: _shown(verdicts, n, "referee"))
     figures = figures_of(attempts, 1e3 * args.limit_s)
     better = better_than_ours(figures)
@@ -79,16 +81,15 @@ def _shown(items: Iterable[Any], n: int, what: str) -> Iterator[Any]:
     return iter(track(items, what, total=n, transient=True))
 
 
-def _attempts(parts: Parts, peers: Sequence[Peer], asked: Sequence[Question], limit_s: float, seed: int) -> list[Attempt]:
+def _attempts(answerer: Answerer, peers: Sequence[Peer], asked: Sequence[Question], limit_s: float, seed: int) -> list[Attempt]:
     """All planners take turns at each question, so that what else the machine does hits all alike."""
-    planner = parts.motion_planner()
-    ask_ours(parts, planner, asked[0])  # what is made or cached on first use is not measured
+    ask_ours(answerer, asked[0])  # what is made or cached on first use is not measured
     for peer in peers:
         peer.prepare()
         ask_peer(peer, asked[0], limit_s, seed)
     attempts: list[Attempt] = []
     for question in _shown(asked, len(asked), "planning"):
-        attempts += ask_ours(parts, planner, question)
+        attempts += ask_ours(answerer, question)
         for peer in peers:
             attempts += ask_peer(peer, question, limit_s, seed + question.index)
     return attempts
@@ -109,7 +110,8 @@ def _print(figures: dict[str, Any], better: Sequence[str]) -> None:
         console.print(table)
     console.print(
         "Failures count at the limit. x: their time as a multiple of ours. rad: median length; to ours: median of theirs / ours where both "
-        "have a path. Raw: as found, joined to start and goal. Smoothed: ours timed and looked at again, theirs simplified."
+        "have a path. Raw: as found, joined to start and goal. Smoothed: ours timed and looked at again, theirs simplified. "
+        "Refined: our second answer beside theirs simplified."
     )
     console.print("Where others are better than ours:" if better else "No peer is better than ours in anything measured here.")
     for line in better:

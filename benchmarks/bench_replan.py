@@ -1,8 +1,9 @@
 """The world changed: how long until a motion round it is ready to send, how often there is one, and does it ever collide.
 
 connect_search_ms: changed cells -> path joined to the true start and goal. answer_ms: -> smoothed, timed, checked, ready to send.
-Both are of what the map alone solved, as are n_solved and solved_share; all_ways adds repair and fallback. Each question starts from an
-empty world. Solvable means: RRTConnect solves it in 5 s under the same inflation.
+refined_ms: -> the second, shorter answer, refine_ms after the first. All are of what the map alone solved, as are n_solved and
+solved_share; all_ways adds repair and fallback. Each question starts from an empty world. Solvable means: RRTConnect solves it in 5 s under
+the same inflation.
 """
 
 from __future__ import annotations
@@ -67,8 +68,9 @@ def run(args: argparse.Namespace) -> int:
     referee = Referee(parts.robot, cell.static)
     collisions = 0
     for question, answer in zip(_shown(asked, "referee"), answers, strict=True):
-        if isinstance(answer.motion, Motion):
-            collisions += referee.collides(at_steps(_dense(answer.motion)), question.boxes_m)
+        for motion in {answer.motion, answer.refined}:
+            if isinstance(motion, Motion):
+                collisions += referee.collides(at_steps(_dense(motion)), question.boxes_m)
     figures = _figures(answers, sum(solvable), collisions)
     figures["equal_answers_in_3_processes"] = all(_digest_elsewhere(args) == digest for _ in range(2))
     report = {**provenance(args.seed, plain(config)), "set": args.name, "n": args.n, **figures}
@@ -90,7 +92,7 @@ def _dense(motion: Motion) -> Any:
 
 def _figures(answers: list[Answer], n_solvable: int, collisions: int) -> dict[str, Any]:
     by_map = [answer for answer in answers if answer.way == "map"]
-    stages = ("connect_search", "answer", "update", "search", "smooth", "time", "verify")
+    stages = ("connect_search", "answer", "refined", "update", "search", "smooth", "time", "verify", "refine")
     milliseconds = {stage: [answer.ms[stage] for answer in by_map if stage in answer.ms] for stage in stages}
     return {
         "n_solvable": n_solvable,
@@ -98,9 +100,16 @@ def _figures(answers: list[Answer], n_solvable: int, collisions: int) -> dict[st
         "solved_share": len(by_map) / max(1, n_solvable),
         "all_ways": _all_ways(answers, n_solvable),
         "collisions": collisions,
+        "refined_to_first_length": _shortened(by_map),
         "fell_back": sum(isinstance(answer.motion, Motion) and answer.motion.fell_back for answer in answers),
         **{f"{stage}_ms": percentiles(values) for stage, values in milliseconds.items() if values},
     }
+
+
+def _shortened(answers: list[Answer]) -> dict[str, float]:
+    """Length of refined answers as a share of the first ones'."""
+    pairs = [(a.refined, a.motion) for a in answers]
+    return percentiles([b.length_rad / a.length_rad for b, a in pairs if b is not None and isinstance(a, Motion) and a.length_rad > 0.0])
 
 
 def _all_ways(answers: list[Answer], n_solvable: int) -> dict[str, Any]:
@@ -121,8 +130,9 @@ def _all_ways(answers: list[Answer], n_solvable: int) -> dict[str, Any]:
 
 def _digest(answers: list[Answer]) -> str:
     digest = hashlib.sha256()
-    for answer in answers:
-        motion = answer.motion
+    for motion in (motion for answer in answers for motion in (answer.motion, answer.refined)):
+        if motion is None:
+            continue
         if isinstance(motion, Motion):
             digest.update(motion.path.way.encode())
             for array in (motion.path.neurons, motion.path.q_rad, motion.curve.t_s, motion.curve.q_rad, motion.curve.dq_rad_s):

@@ -1,13 +1,13 @@
 """Ours beside a planner of others on the same questions: attempts, their figures, and where the other is better.
 
 Raw is a path joined to start and goal as the search gives it, ours by the map, whose edges were looked at when its table was made, theirs
-looked at on the way. Smoothed is ours after smoothing, timing and the exact look at the very curve, theirs after their own simplification;
-they time nothing. Taking in the changed cells counts.
+looked at on the way. Smoothed is our first answer after smoothing, timing and the exact look at the very curve, theirs after their own
+simplification; they time nothing. Refined is our second answer, beside the same of theirs. Taking in the changed cells counts. Ours are by
+all configured ways: what the map does not answer takes as long as repair or fallback take.
 """
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Literal
@@ -15,22 +15,19 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from benchmarks.answers import Answerer
 from benchmarks.judging import Case, Shown, collisions
-from benchmarks.paper.ask import Variant, answer, find
+from benchmarks.paper.ask import dense
 from benchmarks.peers.peer import Peer, path_length_rad
 from benchmarks.questions import Question
 from common.cell import CellConfig
-from services.planner.assemble import Parts
-from services.planner.core.found import FoundPath
-from services.planner.core.lookup import BlockedCounts
-from services.planner.core.motion import MotionPlanner
-from services.planner.core.world import World
+from services.planner.core.motion import Motion
 
 __all__ = ["KINDS", "OURS", "Attempt", "ask_ours", "ask_peer", "better_than_ours", "figures_of", "judged"]
 
 F64 = NDArray[np.float64]
-Kind = Literal["raw", "smoothed"]
-KINDS: tuple[Kind, ...] = ("raw", "smoothed")
+Kind = Literal["raw", "smoothed", "refined"]
+KINDS: tuple[Kind, ...] = ("raw", "smoothed", "refined")
 OURS = "ours"
 PERCENTILES = {"p50": 50.0, "p95": 95.0, "p99": 99.0, "worst": 100.0}
 
@@ -47,17 +44,15 @@ class Attempt:
     collides: bool | None = None
 
 
-def ask_ours(parts: Parts, planner: MotionPlanner, question: Question) -> list[Attempt]:
-    """Our raw path and our motion, as configured (rules, search), each from an empty world on."""
-    config, counts = parts.config, BlockedCounts(parts.roadmap.table, parts.roadmap.n_neurons, parts.roadmap.n_edges)
-    began_ns = time.perf_counter_ns()
-    counts.set_cells(question.cells)
-    found = find(parts, planner.finder, World.of(parts.grid, counts), question, config.rules, config.search)
-    raw_ms = (time.perf_counter_ns() - began_ns) / 1e6
-    got = answer(parts, planner, question, Variant(config.model, config.search, True, config.rules))
+def ask_ours(answerer: Answerer, question: Question) -> list[Attempt]:
+    """Our raw path, first and refined motion, as configured (rules, search, ways), from an empty world on."""
+    answer = answerer.answer(question)
+    if not isinstance(answer.motion, Motion):
+        return [Attempt(OURS, kind, question.index, None, answer.ms["answer"]) for kind in KINDS]
     return [
-        Attempt(OURS, "raw", question.index, found.q_rad if isinstance(found, FoundPath) else None, raw_ms),
-        Attempt(OURS, "smoothed", question.index, got.path_rad if got.solved else None, got.ms["total"]),
+        Attempt(OURS, "raw", question.index, answer.motion.path.q_rad, answer.ms["connect_search"]),
+        Attempt(OURS, "smoothed", question.index, dense(answer.motion), answer.ms["answer"]),
+        Attempt(OURS, "refined", question.index, dense(answer.refined or answer.motion), answer.ms.get("refined", answer.ms["answer"])),
     ]
 
 
@@ -83,7 +78,7 @@ def figures_of(attempts: Sequence[Attempt], limit_ms: float) -> dict[str, Any]:
     """For each planner and kind: how much it solves, how long it takes, how long its paths are, how many collide.
 
     Questions that nobody solved are left out: no time could be given for them. A failure counts at ``limit_ms``. Lengths are compared
-    with ours of the same kind where both have a path: the ratio theirs / ours.
+    with ours of the same kind where both have a path: the ratio theirs / ours. Beside our refined stands what of theirs is smoothed.
     """
     solvable = sorted({a.question for a in attempts if a.path_rad is not None})
     names = list(dict.fromkeys(a.planner for a in attempts))
@@ -91,7 +86,8 @@ def figures_of(attempts: Sequence[Attempt], limit_ms: float) -> dict[str, Any]:
     for name in names:
         found["planners"][name] = {}
         for kind in KINDS:
-            mine = {a.question: a for a in attempts if (a.planner, a.kind) == (name, kind)}
+            same = "smoothed" if kind == "refined" and name != OURS else kind
+            mine = {a.question: a for a in attempts if (a.planner, a.kind) == (name, same)}
             ours = {a.question: a for a in attempts if (a.planner, a.kind) == (OURS, kind)}
             found["planners"][name][kind] = _row(mine, ours, solvable, limit_ms)
     for name in names:

@@ -96,7 +96,7 @@ class Solver:
     def ask(self, problem: Problem) -> Record:
         """All that is to be known of one problem."""
         exact = self._exact.solve(problem, self._limit_s)
-        cells = solid_cells(self._parts.grid, problem.solids)
+        cells = self._cells(problem)
         way, curve, says, ms = self._answer(problem, cells)
         return Record(
             set_name=problem.set_name,
@@ -114,19 +114,23 @@ class Solver:
 
     def rehearse(self, problem: Problem) -> None:
         """Answer without a record: what is not yet compiled is then."""
-        self._answer(problem, solid_cells(self._parts.grid, problem.solids))
+        self._answer(problem, self._cells(problem))
+
+    def _cells(self, problem: Problem) -> I32:
+        """What the scene occupies, but for the cells about the shoulder that no pose avoids: the planner leaves them out too."""
+        occupied = solid_cells(self._parts.grid, problem.solids)
+        return np.setdiff1d(occupied, self._parts.roadmap.table.unavoidable, assume_unique=True)
 
     def _answer(self, problem: Problem, cells: I32) -> tuple[str | None, F64 | None, str, float]:
         """Way, points of the curve (K, J), what the map said, milliseconds from cells to the answer."""
         for end, q in (("start", problem.q_start), ("goal", problem.q_goal)):
             if self._parts.robot.limit_violation(q):
                 return None, None, f"{end}_out_of_limits", 0.0
-        avoidable = np.setdiff1d(cells, self._parts.roadmap.table.unavoidable, assume_unique=True)
-        asked = self._answerer.answer(Question(problem.index, problem.q_start, problem.q_goal, np.empty((0, 2, 3)), avoidable))
+        asked = self._answerer.answer(Question(problem.index, problem.q_start, problem.q_goal, np.empty((0, 2, 3)), cells))
         ms, motion = asked.ms["answer"], asked.motion
         if isinstance(motion, Motion):
-            return asked.way, _dense(motion), "found" if asked.way == "map" else self._why(problem, avoidable), ms
-        return None, None, self._why(problem, avoidable) if motion.outcome == "no_path" else motion.outcome, ms
+            return asked.way, _dense(motion), "found" if asked.way == "map" else self._why(problem, cells), ms
+        return None, None, self._why(problem, cells) if motion.outcome == "no_path" else motion.outcome, ms
 
     def _why(self, problem: Problem, cells: I32) -> str:
         """Why the map alone has no answer, both ends being free."""

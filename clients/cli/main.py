@@ -40,6 +40,7 @@ COMMANDS: dict[str, Command] = {
     "stop": Command("clients.cli.robot", "protective stop of the arm"),
     "resume": Command("clients.cli.robot", "end a protective stop"),
     "reset": Command("clients.cli.robot", "arm to its home pose, contact and distance counts to zero"),
+    "grasp": Command("clients.cli.grasp", "tell the arm that its gripper holds a box from now on, or nothing"),
     "teach": Command("clients.cli.teach", "lead the arm by hand, record it, let the map learn it"),
     "map": Command("clients.cli.map", "what the map has learned since it was built, and undoing it"),
     "build": Command("clients.cli.build", "make the cognitive map and its table"),

@@ -21,6 +21,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--rules", choices=["checked", "paper"])
     parser.add_argument("--ways", nargs="+", choices=["map", "repair", "fallback"], help="which may answer (default: those configured)")
     parser.add_argument("--no-smooth", action="store_true", help="the path through the neurons as it is")
+    parser.add_argument("--refine", action="store_true", help="wait some milliseconds more for a shorter path")
     parser.add_argument("--offline", action="store_true", help="load the map and plan here, without a stack")
     parser.add_argument("--timeout", type=float, default=10.0, metavar="S", help="for the answer (default %(default)s)")
     parser.add_argument("--json", action="store_true", help="the whole reply as JSON")
@@ -51,6 +52,7 @@ def _request(args: argparse.Namespace) -> PlanRequest:
         rules=args.rules,
         ways=args.ways,
         smooth=False if args.no_smooth else None,
+        refine=True if args.refine else None,
     )
 
 
@@ -60,7 +62,8 @@ def _describe(reply: PlanReply) -> str:
         return f"{reply.outcome}: {reply.reason}" + (f" ({times})" if times else "")
     lines = [f"path by {reply.way or 'map'}: {reply.length_rad:.3f} rad over {len(reply.neurons)} neurons"]
     if reply.trajectory is not None:
-        lines.append(f"trajectory: {reply.trajectory.t_s[-1]:.2f} s, {len(reply.trajectory.t_s)} knots")
+        way = ", along a shorter path than that" if reply.refined else ""
+        lines.append(f"trajectory: {reply.trajectory.t_s[-1]:.2f} s, {len(reply.trajectory.t_s)} knots{way}")
     if times:
         lines.append(times)
     lines += ["  " + "  ".join(f"{value:+.3f}" for value in q) for q in reply.path_q_rad]

@@ -21,7 +21,7 @@ from common.robot.kernels import BodyGrids, Chain, body_grid, forward_kinematics
 from common.robot.pairs import coal_mesh
 from common.robot.solids import Body
 
-__all__ = ["PairTables", "build_pair_tables", "table_distance"]
+__all__ = ["NO_TABLE", "PairTables", "build_pair_tables", "table_distance"]
 
 I64 = NDArray[np.int64]
 N_ANGLES = 360  # one degree a cell: what is lost within it is a millimetre or two; our choice

@@ -59,6 +59,7 @@ CHANNELS: tuple[Channel, ...] = (
     Channel("planner/map", Kind.COMMAND, m.MapQuery, m.MapReply),
     Channel("robot/obstacle", Kind.COMMAND, m.SetObstacle, m.Ack),
     Channel("robot/guide", Kind.COMMAND, m.Guide, m.GuideReply),
+    Channel("robot/grasp", Kind.COMMAND, m.Grasp, m.Ack),
     Channel("robot/stop", Kind.COMMAND, m.Empty, m.Ack),
     Channel("robot/resume", Kind.COMMAND, m.Empty, m.Ack),
     Channel("robot/reset", Kind.COMMAND, m.Empty, m.Ack),

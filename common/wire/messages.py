@@ -28,6 +28,7 @@ ReplanRule = Literal["none", "blocked", "shorter"]
 Shape = Literal["box", "sphere", "cylinder", "capsule", "mesh"]
 ObstacleOp = Literal["add", "move", "script", "remove", "clear"]
 GuideOp = Literal["start", "release"]
+GraspOp = Literal["grasp", "release"]
 MapPart = Literal["neurons", "edges", "blocked", "path", "tool_positions"]
 
 
@@ -64,12 +65,28 @@ class ErrorReply(Message, frozen=True, kw_only=True):
 # --- robot_sim ---------------------------------------------------------------------------------------------------------------
 
 
+class HeldBox(Message, frozen=True, kw_only=True, eq=True):
+    """A box in the gripper: full extents, and the pose of its middle in the tool frame; equal where the numbers are."""
+
+    size_m: list[float]
+    position_m: list[float] = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0])
+    quaternion_xyzw: list[float] = msgspec.field(default_factory=lambda: [0.0, 0.0, 0.0, 1.0])
+
+
+class Grasp(Message, frozen=True, kw_only=True, eq=False):
+    """From now on the arm holds ``box`` (``grasp``), or nothing (``release``)."""
+
+    op: GraspOp
+    box: HeldBox | None = None
+
+
 class RobotState(State, frozen=True, kw_only=True, eq=False):
     """What the arm does now; ``q_rad`` measured, ``q_reference_rad`` commanded. ``dq_reference_rad_s`` completes the splice state.
 
     ``trajectory_id`` is the newest accepted trajectory (empty: none since start or reset), ``trajectory_time_s`` how far along it the arm
     is: negative while it waits for its takeover, at most its duration; a braking arm stays on its path and stops at such a time.
     ``trajectory_refused_id`` is the newest one that was refused since the newest accepted one; empty: none.
+    ``held``: what the gripper holds.
     """
 
     q_rad: F64
@@ -82,6 +99,7 @@ class RobotState(State, frozen=True, kw_only=True, eq=False):
     trajectory_accepted_ns: int
     dq_reference_rad_s: F64 | None = None
     trajectory_refused_id: str = ""
+    held: HeldBox | None = None
 
 
 class Obstacle(Message, frozen=True, kw_only=True, eq=False):
@@ -211,7 +229,10 @@ class VoxelFrame(State, frozen=True, kw_only=True, eq=False):
 
 
 class Trajectory(State, frozen=True, kw_only=True, eq=False):
-    """A timed curve; between knots cubic Hermite (:mod:`common.robot.trajectory`). ``start_ns``: UTC instant of ``t_s = 0``."""
+    """A timed curve; between knots cubic Hermite (:mod:`common.robot.trajectory`). ``start_ns``: UTC instant of ``t_s = 0``.
+
+    ``held``: with what in the gripper it was found free; the robot drives no motion that reckons with something else.
+    """
 
     id: str
     goal_id: str
@@ -223,13 +244,14 @@ class Trajectory(State, frozen=True, kw_only=True, eq=False):
     splice_trajectory_id: str | None = None
     splice_time_s: float | None = None
     voxels_seq: int
+    held: HeldBox | None = None
 
 
 class PlannerStatus(State, frozen=True, kw_only=True, eq=False):
     """What the planner does and why.
 
     ``clearance_m``: distance from the arm, where it is told to be, to all that is seen and to the static layer; None while the eyes are
-    stale. Never above the true one, as far as what is there is seen.
+    stale. Never above the true one, as far as what is there is seen. ``held`` is the box that its plans reckon with.
     """
 
     state: PlannerState
@@ -237,6 +259,7 @@ class PlannerStatus(State, frozen=True, kw_only=True, eq=False):
     reason: str
     rule: ReplanRule | None = None
     way: Way | None = None
+    refined: bool | None = None
     rules: Rules
     model: str
     n_neurons: int
@@ -248,6 +271,7 @@ class PlannerStatus(State, frozen=True, kw_only=True, eq=False):
     reaction_ms: float | None = None
     replans: int
     accepted: int
+    held: HeldBox | None = None
 
 
 class PlannerEvent(State, frozen=True, kw_only=True, eq=False):
@@ -289,7 +313,10 @@ class CancelGoal(Message, frozen=True, kw_only=True):
 
 
 class PlanRequest(Message, frozen=True, kw_only=True, eq=False):
-    """A question: plan without moving anything. Absent fields mean: from here, on the live cells, as configured."""
+    """A question: plan without moving anything. Absent fields mean: from here, on the live cells, as configured.
+
+    ``refine``: wait some milliseconds more for a shorter path; absent: the first answer.
+    """
 
     q_start_rad: F64 | None = None
     goal: SetGoal
@@ -300,10 +327,14 @@ class PlanRequest(Message, frozen=True, kw_only=True, eq=False):
     rules: Rules | None = None
     smooth: bool | None = None
     ways: list[Way] | None = None
+    refine: bool | None = None
 
 
 class PlanReply(Message, frozen=True, kw_only=True, eq=False):
-    """The answer; ``path_q_rad`` begins at the true start and ends at the true goal."""
+    """The answer; ``path_q_rad`` begins at the true start and ends at the true goal.
+
+    ``refined``: the trajectory follows a shorter path than ``path_q_rad``, found in ``timing_ms`` refine after the first answer.
+    """
 
     outcome: Outcome
     way: Way | None = None
@@ -314,6 +345,7 @@ class PlanReply(Message, frozen=True, kw_only=True, eq=False):
     length_rad: float
     timing_ms: dict[str, float]
     reason: str = ""
+    refined: bool | None = None
 
 
 class Demonstration(Message, frozen=True, kw_only=True, eq=False):

@@ -14,13 +14,14 @@ from common.bus.service import Service, Vitals
 from common.bus.session import Bus
 from common.clock import ClockOffset, monotonic_ns
 from common.config import plain
-from common.errors import ConfigError
+from common.errors import ConfigError, RequestError
 from common.geometry.grid import Grid
 from common.geometry.transforms import invert
 from common.log import RateLimit
 from common.robot.history import JointHistory, JointSample
 from common.robot.model import RobotModel, load_robot
-from common.wire.messages import CameraUse, DepthImage, GridInfo, RobotState, VoxelFrame
+from common.robot.payload import Payload, with_payload_grids
+from common.wire.messages import CameraUse, DepthImage, GridInfo, HeldBox, RobotState, VoxelFrame
 from services.perception.adapters.back_projection import back_project
 from services.perception.config import PerceptionConfig
 from services.perception.core.arm import arm_at, margins_of
@@ -52,6 +53,8 @@ class PerceptionService:
         )
         self._limit = RateLimit()
         self._robot: RobotModel
+        self._bare: RobotModel
+        self._held: HeldBox | None = None
         self._history: JointHistory
         self._occupancy: Occupancy
         self._margin_m: NDArray[np.float64]
@@ -59,13 +62,14 @@ class PerceptionService:
 
     def warm_up(self) -> None:
         """Load the arm, build the background, compile every kernel by one set of a blank and a busy image."""
-        self._robot = load_robot(self._cell.robot)
+        self._robot = self._bare = load_robot(self._cell.robot)
         self._history = JointHistory(self._robot.n_joints)
         margin = margins_of([b.name for b in self._robot.bodies], self._config.self_margin_m, self._config.self_margin_of_body_m)
         if isinstance(margin, str):
             raise ConfigError(f"perception.self_margin_of_body_m: {margin}")
         self._margin_m = margin
         self._forget()
+        with_payload_grids(self._bare, Payload((0.04, 0.04, 0.04)))  # compiles what it needs
         camera = self._config.cameras[0]
         T = np.diag([1.0, -1.0, -1.0, 1.0])  # looks down from above the middle of the table
         T[2, 3] = self._cell.table_z_m + 1.0
@@ -107,11 +111,27 @@ class PerceptionService:
     def _take_states(self) -> None:
         for received in self._states.take_all():
             state = received.message
-            problem = self._history.add(JointSample(state.stamp_ns, state.q_rad, state.dq_rad_s, state.seq))
+            problem = self._history.add(JointSample(state.stamp_ns, state.q_rad, state.dq_rad_s, state.seq)) or self._hear_held(state.held)
             if problem:
                 self._bus.complain(f"{received.key}: {problem}", subject=received.key)
             else:
                 self._robot_clock.observe(state.stamp_ns, received.arrival_ns)
+
+    def _hear_held(self, box: HeldBox | None) -> str:
+        """What the gripper holds is the arm, and no cell; says what is wrong with it."""
+        if box == self._held:
+            return ""
+        self._held = box
+        try:
+            payload = None if box is None else Payload.of(box.size_m, box.position_m, box.quaternion_xyzw)
+        except RequestError as error:
+            return f"held: {error.message}"
+        held = self._bare if payload is None else with_payload_grids(self._bare, payload)
+        n = len(self._bare.bodies)
+        extra = np.full(len(held.bodies) - n, self._config.self_margin_m)
+        self._robot, self._margin_m = held, np.concatenate([self._margin_m[:n], extra])
+        self._occupancy.rearm(held.grids)
+        return ""
 
     def _take_image(self, received: Received[DepthImage], now_ns: int) -> None:
         m = received.message

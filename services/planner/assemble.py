@@ -9,8 +9,10 @@ from functools import cached_property
 from common.cell import CellConfig
 from common.geometry.grid import Grid
 from common.robot.model import RobotModel
+from common.robot.payload import Payload, with_payload
 from services.planner.config import PlannerConfig
 from services.planner.core.arm import arm_of, solids_of
+from services.planner.core.burden import Burden, BurdenGround
 from services.planner.core.check import Checker, HandReach
 from services.planner.core.find import PathFinder
 from services.planner.core.goals import GoalResolver
@@ -29,10 +31,24 @@ from services.planner.kernels.static_layer import Solids
 from services.planner.offline.build import Built, Job, load_or_build
 from services.planner.offline.finishing import layer_rules
 
-__all__ = ["Parts", "assemble", "parts_of"]
+__all__ = ["Load", "Parts", "assemble", "parts_of"]
 
 Progress = Callable[[str, float], None]
 SEPARATION_REACH_M = 0.15  # within it separations are measured by grids, beyond by the spheres that contain a body; our choice
+
+
+@dataclass(frozen=True, eq=False)
+class Load:
+    """A box in the gripper, with all that it changes: the arm, what it adds to the map, how fast the arm may be near what is seen."""
+
+    payload: Payload
+    robot: RobotModel
+    burden: Burden
+    separation: Separation | None
+
+    def on(self, roadmap: Roadmap) -> Load:
+        """The same on a map that has grown."""
+        return replace(self, burden=self.burden.on(roadmap))
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,6 +74,8 @@ class Parts:
         """The static layer as the checks see it; its field of distances takes a third of a second."""
         return solids_of(self.cell.static)
 
+    held: Payload | None = None  # what robot and roadmap reckon with
+
     def checker(self) -> Checker:
         """A new checker with its own scratch."""
         margins = self.config.margins
@@ -80,6 +98,26 @@ class Parts:
         """The same with another roadmap: one that has grown."""
         return replace(self, roadmap=roadmap)
 
+    def load(self, payload: Payload) -> Load:
+        """Of the bare arm's: what a box in the gripper changes. Takes seconds.
+
+        Raises:
+            RequestError: the box cannot be held.
+        """
+        held = self._with(with_payload(self.robot, payload), payload)
+        burden = Burden.of(self.roadmap, BurdenGround.of(held.ground, self.solids))
+        return Load(payload, held.robot, burden, None if self.separation is None else _separation(held.arm, self.config))
+
+    def holding(self, load: Load) -> Parts:
+        """Of the bare arm's: the same with a box in the gripper, whose ``load`` was made for this map."""
+        return replace(self._with(load.robot, load.payload), roadmap=load.burden.joined(self.roadmap), separation=load.separation)
+
+    def _with(self, robot: RobotModel, payload: Payload) -> Parts:
+        """The same with another arm; its roadmap is not yet for it."""
+        parts = replace(self, robot=robot, held=payload)
+        vars(parts)["solids"] = self.solids  # not the arm's
+        return parts
+
     @property
     def limits(self) -> Limits:
         """The arm's own limits; stops may use them in full."""
@@ -97,8 +135,16 @@ class Parts:
         weighs = self.config.clearance.weight > 0.0 and self.roadmap.table.layers.n_bands > 0  # maps of benchmarks have no layers
         finder = PathFinder(self.roadmap, self.checker(), self.config.clearance.surcharges if weighs else ())
         joint_range = (self.robot.position_min_rad, self.robot.position_max_rad)
-        checks = self.config.smoothing.shortcut_checks
-        return MotionPlanner(finder, limits, self.hand, joint_range, shortcut_checks=checks, separation=self.separation)
+        smoothing = self.config.smoothing
+        return MotionPlanner(
+            finder,
+            limits,
+            self.hand,
+            joint_range,
+            shortcut_checks=smoothing.shortcut_checks,
+            refine_looks=smoothing.refine_looks,
+            separation=self.separation,
+        )
 
     def goal_resolver(self) -> GoalResolver:
         """A new resolver with its own scratch."""
@@ -134,5 +180,6 @@ def parts_of(job: Job, built: Built) -> Parts:
 def _separation(arm: Arm, config: PlannerConfig) -> Separation | None:
     if not config.separation.slow:
         return None
-    law = SpeedLaw(0.0, config.replan.hand_seen_s, config.separation.braking_m_s2, config.separation.reduced_speed_m_s)
-    return Separation(arm, reach_of(arm.grids, SEPARATION_REACH_M), law, law._replace(person_m_s=config.replan.hand_speed_m_s))
+    standing = SpeedLaw(0.0, 0.0, config.separation.braking_m_s2, config.separation.reduced_speed_m_s)
+    moving = standing._replace(person_m_s=config.replan.hand_speed_m_s, reaction_s=config.replan.hand_seen_s)
+    return Separation(arm, reach_of(arm.grids, SEPARATION_REACH_M), standing, moving)

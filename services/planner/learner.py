@@ -71,6 +71,7 @@ class Learned:
     def adopt(self, reflex: Reflex) -> None:
         """Exchange the live planner's map; in the loop's thread. What is under way goes on: its neurons keep their numbers."""
         if self.finder is not None and self.counts is not None:
+            self.finder.checker = reflex.checker  # what was in the gripper when the finder was made may be gone
             reflex.planner.finder = self.finder
             reflex.vision.take(self.finder.roadmap, self.counts)
 

@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import RequestError
-from common.wire.messages import PlanReply, PlanRequest, SetGoal, Trajectory
+from common.robot.payload import Payload
+from common.wire.messages import HeldBox, PlanReply, PlanRequest, SetGoal, Trajectory
 from services.planner.assemble import Parts
 from services.planner.core.find import SEARCHES
 from services.planner.core.found import NotFound, Way
@@ -19,10 +20,17 @@ from services.planner.core.motion import Ask, Motion, Stopwatch
 from services.planner.core.ways import Sampler, Thinking, ThinkingRules, think
 from services.planner.core.world import World
 
-__all__ = ["QuestionDesk", "branches_of"]
+__all__ = ["QuestionDesk", "box_of", "branches_of"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
+
+
+def box_of(payload: Payload | None) -> HeldBox | None:
+    """What is held, as a message says it."""
+    if payload is None:
+        return None
+    return HeldBox(size_m=list(payload.size_m), position_m=list(payload.position_m), quaternion_xyzw=list(payload.quaternion_xyzw))
 
 
 def branches_of(goal: SetGoal, resolver: GoalResolver) -> F64:
@@ -90,7 +98,11 @@ class QuestionDesk:
         ways = [way for way in self._rules.ways if request.ways is None or way in request.ways]
         answer = self._answer(world, Ask(q_start, q_start, None, rules, search, smooth, speed), branches, ways, watch)
         watch.add("total", began)
-        return _reply(answer, smooth, watch.ms) if isinstance(answer, Motion) else _refusal(answer, len(q_start), watch.ms)
+        if isinstance(answer, Motion):
+            ask = Ask(q_start, answer.path.q_rad[-1], None, rules, search, smooth, speed)
+            answer = self._planner.refined(world, ask, answer, watch) if request.refine else answer
+            return _reply(answer, smooth, watch.ms, self._parts.held)
+        return _refusal(answer, len(q_start), watch.ms)
 
     def _answer(self, world: World, ask: Ask, branches: F64, ways: list[Way], watch: Stopwatch) -> Motion | NotFound:
         """By the map, nearest branch first; else, where a branch is free and the map has no way to it, by the other ways."""
@@ -131,7 +143,7 @@ class QuestionDesk:
         return flat
 
 
-def _reply(motion: Motion, smooth: bool, timing_ms: dict[str, float]) -> PlanReply:
+def _reply(motion: Motion, smooth: bool, timing_ms: dict[str, float], held: Payload | None) -> PlanReply:
     curve = motion.curve
     return PlanReply(
         outcome="path",
@@ -140,9 +152,18 @@ def _reply(motion: Motion, smooth: bool, timing_ms: dict[str, float]) -> PlanRep
         path_q_rad=motion.path.q_rad,
         smooth_q_rad=curve.q_rad if smooth else None,
         trajectory=Trajectory(
-            id="", goal_id="", kind="motion", start_ns=0, t_s=curve.t_s, q_rad=curve.q_rad, dq_rad_s=curve.dq_rad_s, voxels_seq=0
+            id="",
+            goal_id="",
+            kind="motion",
+            start_ns=0,
+            t_s=curve.t_s,
+            q_rad=curve.q_rad,
+            dq_rad_s=curve.dq_rad_s,
+            voxels_seq=0,
+            held=box_of(held),
         ),
         length_rad=motion.path.length_rad,
+        refined=motion.refined,
         timing_ms=timing_ms,
         reason=motion.smoothing,
     )

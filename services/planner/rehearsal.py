@@ -7,26 +7,31 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.errors import TolmanError
 from common.geometry.transforms import quaternion_of
+from common.robot.payload import Payload
 from common.wire.messages import PlanRequest, Pose, SetGoal
 from services.planner.assemble import Parts
-from services.planner.core.found import NO_NEURON
+from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.found import NO_NEURON, FoundPath
 from services.planner.core.growth import Addition, grown
-from services.planner.core.lookup import cells_of_pose
+from services.planner.core.layers import build_layers
+from services.planner.core.lookup import build_table, cells_of_pose
 from services.planner.core.motion import Ask, Motion, Stopwatch
 from services.planner.core.repair import Repair, tightened
+from services.planner.core.roadmap import Roadmap
 from services.planner.core.timing import brake
 from services.planner.core.two_trees import Bounds, Joined, seed_of
 from services.planner.core.world import World, cells_of
 from services.planner.learner import Lesson, Student
 from services.planner.questions import QuestionDesk
 
-__all__ = ["rehearse", "rehearse_learning"]
+__all__ = ["rehearse", "rehearse_holding", "rehearse_learning"]
 
 REPAIR_SAMPLES = 60
 
@@ -81,6 +86,8 @@ def _move(parts: Parts, clock_ns: Callable[[], int], home: F64, far: F64) -> Non
     checker.hand_meets(vision.world.recent, curve, parts.hand)
     planner.answer(World.of(parts.grid, vision.counts), Ask(q, far), watch)
     vision.see(0.1, np.empty(0, dtype=np.int32))
+    corner = FoundPath(np.full(1, NO_NEURON, dtype=np.int32), np.array([home, home + 0.1, far]), 0.0)
+    planner.refined(vision.world, Ask(home, far), replace(motion, path=corner), watch)
 
 
 def rehearse_learning(student: Student, parts: Parts) -> None:
@@ -93,3 +100,17 @@ def rehearse_learning(student: Student, parts: Parts) -> None:
             student.take_in(Lesson(path), rehearsal=True)
         n = roadmap.n_neurons
         grown(roadmap, Addition(path.mean(axis=0)[None], np.array([[ends[0], n], [ends[1], n]], dtype=np.int32)), parts.ground)
+
+
+def rehearse_holding(parts: Parts) -> None:
+    """Get ready for a box on a map of two neurons, that then grows by one."""
+    q = parts.roadmap.neurons_rad[:2]
+    learned = CognitiveMap(np.ascontiguousarray(q), np.array([[0, 1]], dtype=np.int32)[: len(q) - 1])
+    ground = parts.ground
+    table = build_table(ground.arm, ground.grid, learned.q_rad, learned.edges, safety_m=ground.safety_m, step_m=ground.step_m)
+    if ground.layers is not None:
+        table = replace(table, layers=build_layers(ground.layers, learned.q_rad, learned.edges))
+    two = parts.on(Roadmap.of(learned, table, parts.roadmap.model))
+    three = parts.on(grown(two.roadmap, Addition(q.mean(axis=0)[None], np.array([[0, 2]], dtype=np.int32)), ground))
+    with suppress(TolmanError):
+        three.holding(two.load(Payload((0.04, 0.04, 0.04))).on(three.roadmap))

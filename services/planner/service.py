@@ -3,38 +3,36 @@
 from __future__ import annotations
 
 import logging
-import queue
 import sys
-import threading
 from collections.abc import Callable
-from functools import partial
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.bus.channels import Command
 from common.bus.service import Vitals
 from common.bus.session import Bus
 from common.cell import CellConfig
 from common.clock import ClockOffset, monotonic_ns, utc_ns
-from common.errors import RequestError, TolmanError
+from common.errors import RequestError
+from common.robot.payload import Payload
 from common.wire.messages import (
     Ack,
     CancelGoal,
     Demonstration,
     GoalAccepted,
+    HeldBox,
     MapQuery,
     PlannerEvent,
     PlannerStatus,
-    PlanReply,
     PlanRequest,
     RobotState,
     SetGoal,
     Trajectory,
     VoxelFrame,
 )
+from services.planner.answering import QUESTIONS_WAITING, QuestionWorker, reply_to
 from services.planner.assemble import assemble
+from services.planner.carrier import Carrier
 from services.planner.config import PlannerConfig
 from services.planner.core.reflex import Reflex
 from services.planner.core.report import Event, Goal
@@ -44,8 +42,8 @@ from services.planner.fallback.process import FallbackProcess
 from services.planner.inspection import map_reply
 from services.planner.learner import Learner, Lesson, Student
 from services.planner.memory import recall
-from services.planner.questions import QuestionDesk, branches_of
-from services.planner.rehearsal import rehearse, rehearse_learning
+from services.planner.questions import QuestionDesk, box_of, branches_of
+from services.planner.rehearsal import rehearse, rehearse_holding, rehearse_learning
 
 __all__ = ["Planner"]
 
@@ -53,7 +51,6 @@ log = logging.getLogger("planner")
 STATUS_NS = 100_000_000  # PROTOCOL: 10 Hz and on change
 STEP_NS = 20_000_000  # our choice: rules that depend on time alone are looked at so often
 EVENTS_KEPT = 200  # PROTOCOL
-QUESTIONS_WAITING = 16  # our choice; more are answered "busy"
 NS = 1e9
 # How long another thread may keep the interpreter from the loop: Python's 5 ms would be a third of a frame's answer. Our choice.
 SWITCH_S = 0.0005
@@ -80,18 +77,22 @@ class Planner:
         self._memory = recall(assemble(self._cell, self._config, _log_progress()))
         if self._memory.complaint:
             log.error("what was learned is left out: %s", self._memory.complaint)
-        self._parts = self._memory.parts
+        self._parts = self._bare = self._memory.parts  # as it is planned with now, and without what is held
         self._resolver = self._parts.goal_resolver()
         self._reflex: Reflex = self._parts.reflex(monotonic_ns, f"{self._bus.epoch:x}")
         self._fallback = FallbackProcess(self._cell, self._config.margins) if "fallback" in self._config.ways else None
-        sampler = self._fallback.send if self._fallback is not None else None
+        sampler = None if self._fallback is None else self._fallback.sampler(None)
         self._courier = Courier(self._fallback, self._bus.wake.set) if self._fallback is not None else None
         rehearse(self._parts, monotonic_ns)
         student = Student(self._memory, self._reflex, sampler)
         rehearse_learning(student, self._parts)
+        rehearse_holding(self._parts)
         sys.setswitchinterval(SWITCH_S)
         self._learner = Learner(student, self._config.learning.max_waiting, self._bus.wake.set)
-        self._questions = _Worker(QuestionDesk(self._parts, monotonic_ns, sampler), self._vitals, self._learn_way)
+        self._questions = QuestionWorker(QuestionDesk(self._parts, monotonic_ns, sampler), self._vitals, self._learn_way)
+        self._carrier = Carrier(self._reflex, self._bus.wake.set, None if self._fallback is None else self._fallback.sampler)
+        self._heard_box: HeldBox | None = None
+        self._held: Payload | None = None
         self._open_inboxes()
 
     def _open_inboxes(self) -> None:
@@ -112,8 +113,8 @@ class Planner:
         return self._parts.fingerprints
 
     def close(self) -> None:
-        """End the fallback's process and the threads of questions and lessons."""
-        for name in ("_fallback", "_questions", "_learner"):  # a question may wait for the fallback: that ends first
+        """End the fallback's process and the threads of questions, lessons and what is held."""
+        for name in ("_fallback", "_questions", "_learner", "_carrier"):  # a question may wait for the fallback: that ends first
             if getattr(self, name, None) is not None:
                 getattr(self, name).close()
 
@@ -133,6 +134,7 @@ class Planner:
             self._courier.fetch(self._reflex.thinker)
         self._answer()
         self._adopt_learned()
+        self._adopt_held()
         if self._reflex.report.state != self._last_state or sent:
             self._publish_status(monotonic_ns())
         return now_ns if self._reflex.thinker.wants_steps else now_ns + STEP_NS
@@ -145,6 +147,7 @@ class Planner:
             message = state.message
             self._robot_clock.observe(message.stamp_ns, state.arrival_ns)
             self._q_now = message.q_reference_rad
+            self._hear_held(message.held)
             self._reflex.hear(
                 ArmState(
                     at_s=self._robot_clock.to_monotonic(message.stamp_ns) / NS,
@@ -163,6 +166,19 @@ class Planner:
         frame = self._frames.take()
         if frame is not None:
             self._see(frame.message, frame.arrival_ns, now_ns)
+
+    def _hear_held(self, box: HeldBox | None) -> None:
+        """What the gripper holds has changed: the arm stands until the planner is ready for it."""
+        if box == self._heard_box:
+            return
+        self._heard_box = box
+        try:
+            self._held = None if box is None else Payload.of(box.size_m, box.position_m, box.quaternion_xyzw)
+        except RequestError as error:
+            self._reflex.waiting = f"robot/state.held: {error.message}"
+            return
+        self._reflex.waiting = "the planner gets ready for what the gripper holds"
+        self._carrier.want(self._bare, self._held)
 
     def _see(self, frame: VoxelFrame, arrival_ns: int, now_ns: int) -> None:
         self._wrong_grid = frame.grid.fingerprint != self._parts.grid.fingerprint
@@ -194,6 +210,7 @@ class Planner:
                 splice_trajectory_id=sent.splice[0] if sent.splice else None,
                 splice_time_s=sent.splice[1] if sent.splice else None,
                 voxels_seq=self._reflex.voxels_seq,
+                held=box_of(self._parts.held),
             )
         )
         self._vitals.meter("trajectories").tick(now_ns, self._reflex.report.timing_ms.get("total"))
@@ -227,6 +244,7 @@ class Planner:
                 reason=report.reason,
                 rule=report.rule,  # type: ignore[arg-type]
                 way=report.way,
+                refined=report.refined,
                 rules=self._config.rules,
                 model=self._parts.roadmap.model,
                 n_neurons=self._parts.roadmap.n_neurons,
@@ -238,6 +256,7 @@ class Planner:
                 reaction_ms=report.reaction_ms,
                 replans=report.replans,
                 accepted=report.accepted,
+                held=box_of(self._parts.held),
             )
         )
 
@@ -245,11 +264,11 @@ class Planner:
 
     def _answer(self) -> None:
         for goal in self._goals.take_all():
-            _reply(goal, self._set_goal)
+            reply_to(goal, self._set_goal)
         for cancel in self._cancels.take_all():
-            _reply(cancel, self._cancel)
+            reply_to(cancel, self._cancel)
         for query in self._maps.take_all():
-            _reply(query, lambda request: map_reply(request, self._parts, self._reflex))
+            reply_to(query, lambda request: map_reply(request, self._parts, self._reflex))
         for lesson in self._learns.take_all():
             asked = lesson.request
             if not self._learner.offer(Lesson(asked.q_rad, asked.t_s, asked.label or "", command=lesson)):
@@ -264,10 +283,14 @@ class Planner:
         if learned is None:
             return
         began_ns = monotonic_ns()
-        learned.adopt(self._reflex)
-        self._parts = learned.parts
-        if learned.desk is not None:
-            self._questions.desk = learned.desk
+        self._bare = learned.parts
+        if self._held is None and self._parts.held is None:
+            learned.adopt(self._reflex)
+            self._parts = learned.parts
+            if learned.desk is not None:
+                self._questions.desk = learned.desk
+        else:  # the map of what is held is made from the grown one
+            self._carrier.want(self._bare, self._held)
         now_ns = monotonic_ns()
         self._vitals.meter("map_swap").tick(now_ns, (now_ns - began_ns) / 1e6)
         self._vitals.count("learned")
@@ -275,6 +298,28 @@ class Planner:
         self._publish_status(now_ns)
         if learned.lesson.command is not None:
             learned.lesson.command.reply(learned.reply)
+
+    def _adopt_held(self) -> None:
+        """Exchange arm, table and all that plans with them for those that reckon with what is held."""
+        ready = self._carrier.take()
+        if ready is None:
+            return
+        if ready.parts is None or ready.resolver is None or ready.desk is None:
+            self._reflex.waiting = f"what the gripper holds: {ready.problem}"
+            self._publish_event(Event("held", facts={"problem": ready.problem}))
+            return
+        began_ns = monotonic_ns()
+        ready.adopt(self._reflex)
+        self._parts, self._resolver, self._questions.desk = ready.parts, ready.resolver, ready.desk
+        if self._courier is not None:
+            self._courier.held = ready.payload
+        self._reflex.waiting = ""
+        now_ns = monotonic_ns()
+        self._vitals.meter("held_swap").tick(now_ns, (now_ns - began_ns) / 1e6)
+        table = ready.parts.roadmap.table
+        facts = {"seconds": ready.seconds, "barred_neurons": len(table.barred_nodes), "barred_edges": len(table.barred_edges)}
+        self._publish_event(Event("held", facts={"size_m": None if ready.payload is None else list(ready.payload.size_m), **facts}))
+        self._publish_status(now_ns)
 
     def _set_goal(self, request: SetGoal) -> GoalAccepted:
         branches = branches_of(request, self._resolver)
@@ -291,13 +336,6 @@ class Planner:
         return Ack()
 
 
-def _reply(command: Command[Any], action: Callable[[Any], Any]) -> None:
-    try:
-        command.reply(action(command.request))
-    except TolmanError as error:
-        command.fail(error)
-
-
 def _log_progress() -> Callable[[str, float], None]:
     said: dict[str, int] = {}
 
@@ -308,45 +346,3 @@ def _log_progress() -> Callable[[str, float], None]:
             log.info("building the map: %s %d %%", stage, tenth * 10)
 
     return progress
-
-
-class _Worker:
-    """A thread that answers questions one by one from a bounded queue."""
-
-    def __init__(self, desk: QuestionDesk, vitals: Vitals, learn: Callable[[str | None, NDArray[np.float64], str], None]) -> None:
-        self.desk = desk  # may be exchanged at any time: the next question goes to the new one
-        self._learn = learn
-        self._vitals = vitals
-        self._waiting: queue.Queue[tuple[Command[PlanRequest], Any, Any] | None] = queue.Queue(QUESTIONS_WAITING)
-        self._thread = threading.Thread(target=self._run, name="questions", daemon=True)
-        self._thread.start()
-
-    def offer(self, command: Command[PlanRequest], q_now: Any, cells: Any) -> bool:
-        """Take a question if there is room."""
-        try:
-            self._waiting.put_nowait((command, q_now, cells))
-        except queue.Full:
-            return False
-        return True
-
-    def close(self) -> None:
-        """Answer no more."""
-        self._waiting.put(None)
-        self._thread.join(timeout=2.0)
-
-    def _run(self) -> None:
-        while (item := self._waiting.get()) is not None:
-            command, q_now, cells = item
-            began_ns = monotonic_ns()
-            try:
-                _reply(command, partial(self._replied, q_now=q_now, live_cells=cells))
-            except Exception:  # a question may never end the desk
-                log.exception("a question failed")
-                command.fail(RequestError("the planner could not answer this; see its log", code="internal"))
-            now_ns = monotonic_ns()
-            self._vitals.meter("questions").tick(now_ns, (now_ns - began_ns) / 1e6)
-
-    def _replied(self, request: PlanRequest, q_now: Any, live_cells: Any) -> PlanReply:
-        reply = self.desk.answer(request, q_now, live_cells)
-        self._learn(reply.way, reply.path_q_rad, "a question")
-        return reply

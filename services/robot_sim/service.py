@@ -17,14 +17,17 @@ from common.errors import RequestError
 from common.log import RateLimit
 from common.robot.braking import brake_along
 from common.robot.model import load_robot
+from common.robot.payload import PAYLOAD, Payload, with_payload_shape
 from common.robot.rates import largest_rates
 from common.robot.trajectory import JointTrajectory
 from common.wire.messages import (
     Ack,
     Clearance,
     Empty,
+    Grasp,
     Guide,
     GuideReply,
+    HeldBox,
     PlannerStatus,
     RobotState,
     Scene,
@@ -67,6 +70,7 @@ class RobotSim:
         self._alive_changes: deque[tuple[str, bool]] = deque()
         self._accepted_ns = 0
         self._n_guides = 0
+        self._held: HeldBox | None = None
         self._world: World | None = None
 
     def warm_up(self) -> None:
@@ -74,7 +78,7 @@ class RobotSim:
         self._robot = robot = load_robot(self._cell.robot)
         self._world = World(robot, self._cell.static, 1.0 / (self._config.control_hz * self._config.physics_substeps))
         self._monitor = Monitor(self._world, self._config)
-        names = [*(solid.name for solid in self._cell.static), *(body.name for body in robot.bodies)]
+        names = [*(solid.name for solid in self._cell.static), *(body.name for body in robot.bodies), PAYLOAD]
         self._obstacles = Obstacles(self._config.max_obstacles, names)
         limits = Limits(robot.position_min_rad, robot.position_max_rad, robot.max_velocity_rad_s, robot.max_acceleration_rad_s2)
         now_ns = monotonic_ns()
@@ -100,6 +104,7 @@ class RobotSim:
         self._frames = bus.latest("perception/voxels", VoxelFrame)
         self._obstacle_commands = bus.commands("robot/obstacle", SetObstacle)
         self._guides = bus.commands("robot/guide", Guide)
+        self._grasps = bus.commands("robot/grasp", Grasp)
         self._plain_commands = {
             noun: (bus.commands(f"robot/{noun}", Empty), action)
             for noun, action in (("stop", self._stop), ("resume", self._resume), ("reset", self._reset), ("clearance", self._clearance))
@@ -149,7 +154,11 @@ class RobotSim:
         return self._watchdog.lost(now_ns) if self._config.watchdog else ""
 
     def _submit(self, message: Trajectory, arrival_ns: int) -> None:
-        refusal = self._executor.submit(motion_of(message, self._planner_clock, arrival_ns))
+        motion = motion_of(message, self._planner_clock, arrival_ns)
+        if message.kind == "motion" and message.held != self._held:  # sent before its sender heard what the gripper holds
+            refusal: str | None = self._executor.refuse(message.id, "it does not reckon with what the gripper holds")
+        else:
+            refusal = self._executor.submit(motion)
         if refusal is None:
             self._accepted_ns = utc_ns()
             self._vitals.count("trajectories_accepted")
@@ -221,6 +230,7 @@ class RobotSim:
                 trajectory_accepted_ns=self._accepted_ns,
                 trajectory_refused_id=status.refused_id,
                 dq_reference_rad_s=dq_reference,
+                held=self._held,
             ),
             stamp_ns=utc_ns() - (monotonic_ns() - at_ns),
         )
@@ -247,9 +257,31 @@ class RobotSim:
                 guide.reply(self._release() if guide.request.op == "release" else self._guide(guide.request))
             except RequestError as error:
                 guide.fail(error)
+        for grasp in self._grasps.take_all():
+            try:
+                grasp.reply(self._grasp(grasp.request))
+            except RequestError as error:
+                grasp.fail(error)
         for commands, action in self._plain_commands.values():
             for plain in commands.take_all():
                 plain.reply(action())
+
+    def _grasp(self, request: Grasp) -> Ack:
+        """The gripper holds a box from now on, or nothing; all others hear it from ``robot/state``."""
+        assert self._world is not None
+        box = request.box
+        if (request.op == "grasp") != (box is not None):
+            raise RequestError(f"op {request.op!r}: a box is needed to grasp, and none to release", code="bad_grasp")
+        robot = self._robot
+        if box is not None:
+            robot = with_payload_shape(robot, Payload.of(box.size_m, box.position_m, box.quaternion_xyzw))
+        if box == self._held:
+            return Ack()
+        if self._executor.moving:
+            raise RequestError("the arm is moving: it grasps and releases at rest only", code="moving")
+        self._world.change_arm(robot, self._world.joints()[0])
+        self._held = box
+        return Ack()
 
     def _guide(self, request: Guide) -> GuideReply:
         """A hand takes the tool: the follower's curve is driven like any other."""

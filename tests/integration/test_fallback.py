@@ -8,14 +8,19 @@ import subprocess
 import sys
 import threading
 import time
+from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
 
+from common.robot.payload import Payload
 from services.planner.config import MarginsConfig
 from services.planner.core.ways import SamplingAnswer, SamplingQuestion
+from services.planner.core.world import cells_of
 from services.planner.fallback import process as module
 from services.planner.fallback.process import FallbackProcess
+from services.planner.offline.scene import Scene
 from tests.support.cell import ur3_cell
 from tests.support.eventually import eventually
 from tests.support.repository import ROOT
@@ -24,6 +29,7 @@ pytestmark = pytest.mark.integration
 READY_S, ANSWER_S = 240.0, 60.0
 HERE, THERE = np.array([-0.9, -1.2, 1.3, -1.6, -1.57, 0.0]), np.array([0.9, -1.2, 1.3, -1.6, -1.57, 0.0])
 NOWHERE = np.array([0.0, -1.2, 1.3, -1.6, -1.57, 0.0])
+BOX = Payload((0.05, 0.05, 0.10), (0.0, 0.0, 0.05))
 SEED = np.arange(1, 5, dtype=np.uint64)
 NONE = np.empty(0, dtype=np.int32)
 EASY = SamplingQuestion(HERE, THERE[None], NONE, SEED, 2_000)
@@ -65,6 +71,22 @@ def test_equal_questions_equal_answers_also_over_a_death_in_mid_question() -> No
     last = one.pid
     one.close()
     assert last is not None and not _is_there(last)
+
+
+def test_it_reckons_with_what_the_gripper_holds() -> None:
+    """A cell that the box would be dragged through half way, and the bare arm passes over."""
+    scene, one = Scene.of(ur3_cell(), MarginsConfig()), _process()
+    start = np.array([-0.2, *HERE[1:]])  # not over a bin, which the box would be in
+    below = (scene.robot.tool_pose((start + THERE) / 2.0) @ [0.0, 0.0, 0.08, 1.0])[:3]
+    away_m = np.linalg.norm(scene.grid.centres(np.arange(scene.grid.n_cells)) - below, axis=1)
+    cell = np.array([np.argmin(away_m)], dtype=np.int32)
+    answers = {payload: one.send(replace(EASY, q_start_rad=start, cells=cell), payload).wait().q_rad for payload in (None, BOX)}
+    one.close()
+    free, checker = {}, scene.holding(BOX).checker()
+    for payload, q_rad in answers.items():
+        assert q_rad is not None
+        free[payload] = all(checker.segment(cells_of(scene.grid, cell), a, b) for a, b in pairwise(q_rad))
+    assert free == {None: False, BOX: True}
 
 
 def test_a_process_that_hangs_is_ended_and_the_question_answered(monkeypatch: pytest.MonkeyPatch) -> None:

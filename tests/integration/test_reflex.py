@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import msgpack
+import msgspec
 import numpy as np
 import pytest
 
@@ -96,9 +97,9 @@ def _box_that_costs(operator: Operator, detour_rad: float) -> tuple[list[float],
     grid = Grid(tuple(info.origin_m), tuple(info.shape), info.resolution_m)
 
     def length_rad(cells: np.ndarray) -> float | None:
-        request = PlanRequest(goal=SetGoal(pose=OVER_PLACE), cells=cells, grid_fingerprint=info.fingerprint)
+        request = PlanRequest(goal=SetGoal(pose=OVER_PLACE), cells=cells, grid_fingerprint=info.fingerprint, refine=True)
         reply = operator.bus.request("planner/plan", request, PlanReply, timeout_s=20.0)
-        return reply.length_rad if reply.outcome == "path" else None
+        return None if reply.trajectory is None else float(np.linalg.norm(np.diff(reply.trajectory.q_rad, axis=0), axis=1).sum())
 
     free_rad = length_rad(np.empty(0, dtype=np.int32))
     assert free_rad is not None
@@ -145,6 +146,28 @@ def test_no_way_is_an_answer(operator: Operator) -> None:
     assert reply.outcome == "no_path", reply.reason
     assert "neurons blocked" in reply.reason and len(reply.neurons) == 0
     assert ask(np.empty(0)).outcome == "path"
+
+
+def test_a_refined_answer_comes_when_asked_for(operator: Operator) -> None:
+    """A post in the middle of the way from bin to bin, so that it is no straight line."""
+    operator.look()
+    assert operator.voxels is not None
+    grid = operator.voxels.grid
+    x, y, z = (grid.origin_m[k] + (np.arange(grid.shape[k]) + 0.5) * grid.resolution_m for k in range(3))
+    post = np.abs(x - 0.35)[:, None, None] + np.zeros(grid.shape) < 0.08
+    cells = np.flatnonzero(post & (np.abs(y) < 0.05)[None, :, None] & (z < 0.3)[None, None, :]).astype(np.int32)
+
+    def ask(refine: bool | None) -> PlanReply:
+        question = PlanRequest(goal=SetGoal(pose=OVER_PLACE), q_start_rad=OVER_PICK_RAD, cells=cells, grid_fingerprint=grid.fingerprint)
+        return operator.bus.request("planner/plan", msgspec.structs.replace(question, refine=refine), PlanReply, timeout_s=20.0)
+
+    first, refined = ask(None), ask(True)
+    assert first.outcome == refined.outcome == "path"
+    assert "refine" not in first.timing_ms and "refine" in refined.timing_ms and not first.refined
+    assert first.trajectory is not None and refined.trajectory is not None
+    lengths = [np.linalg.norm(np.diff(reply.trajectory.q_rad, axis=0), axis=1).sum() for reply in (first, refined)]
+    assert lengths[1] <= lengths[0] and (lengths[1] < lengths[0]) == refined.refined
+    np.testing.assert_allclose(refined.trajectory.q_rad[[0, -1]], refined.path_q_rad[[0, -1]], atol=1e-9)
 
 
 def test_an_arm_with_a_hand_within_its_inflation_gets_out(operator: Operator) -> None:

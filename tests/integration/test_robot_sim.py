@@ -21,6 +21,8 @@ from common.wire.messages import (
     Ack,
     Clearance,
     Empty,
+    Grasp,
+    HeldBox,
     RobotState,
     Scene,
     ServiceHealth,
@@ -176,6 +178,29 @@ def test_stop_resume_and_refusals_are_told(cell: Cell) -> None:
     cell.until("home again", lambda s: s.mode == "idle" and np.allclose(s.q_rad, HOME, atol=1e-3))
 
 
+def test_only_motions_that_reckon_with_what_is_held_are_driven(cell: Cell) -> None:
+    def grasp(box: HeldBox | None) -> None:
+        cell.bus.request("robot/grasp", Grasp(op="release" if box is None else "grasp", box=box), Ack)
+
+    box = HeldBox(size_m=[0.05, 0.05, 0.08])
+    grasp(box)
+    assert cell.until("the box is told", lambda s: s.held is not None).held == box
+    for wrong in (None, HeldBox(size_m=[0.05, 0.05, 0.09])):
+        sent = cell.send(AWAY, held=wrong)
+        refused = cell.until("the refusal", lambda s, id=sent.id: s.trajectory_refused_id == id)  # type: ignore[misc]
+        assert "what the gripper holds" in refused.reason and refused.mode == "idle"
+    cell.send(AWAY, held=box)
+    cell.until("tracking", lambda s: s.mode == "tracking" and s.trajectory_time_s > 0.1)
+    grasp(box)  # the same again: nothing to do
+    with pytest.raises(RemoteError, match="moving"):
+        grasp(None)
+    cell.until("there", lambda s: s.mode == "idle" and np.allclose(s.q_rad, AWAY, atol=1e-3))
+    grasp(None)
+    assert cell.until("nothing is held", lambda s: s.held is None).mode == "idle"
+    cell.send(HOME)
+    cell.until("home again", lambda s: s.mode == "idle" and np.allclose(s.q_rad, HOME, atol=1e-3))
+
+
 def test_obstacles_appear_move_and_go(cell: Cell) -> None:
     scenes = cell.bus.latest("robot/scene", Scene)
 
@@ -313,5 +338,6 @@ def test_kill_of_any_sense_in_mid_motion_stops_the_arm_in_time_and_work_goes_on(
 
 def test_keys_are_those_of_the_contract() -> None:
     assert {c.key for c in keys.CHANNELS if c.key.startswith("robot/")} == {
-        "robot/guide", "robot/state", "robot/scene", "robot/obstacle", "robot/stop", "robot/resume", "robot/reset", "robot/clearance",
+        "robot/guide", "robot/grasp", "robot/state", "robot/scene", "robot/obstacle", "robot/stop", "robot/resume", "robot/reset",
+        "robot/clearance",
     }  # fmt: skip

@@ -69,6 +69,10 @@ class Occupancy:
         self._point_cell = np.empty(0, np.int32)
         self._is_arm = np.empty(0, np.uint8)
 
+    def rearm(self, grids: BodyGrids) -> None:
+        """The arm has other bodies from now on (it holds something, or no more); what was seen stays."""
+        self._grids = grids
+
     def begin(self) -> None:
         """Start a new set."""
         self._set += 1

@@ -31,6 +31,10 @@ class Asker:
         self._recent_answers_s: deque[float] = deque(maxlen=BUDGET_ANSWERS)
         self._next_branch = 0
 
+    def rearm(self, planner: MotionPlanner) -> None:
+        """Ask another planner from now on."""
+        self._planner = planner
+
     def begin(self) -> None:
         """There is a new goal: the nearest branches come first."""
         self._next_branch = 0
@@ -80,4 +84,6 @@ class Asker:
         self._next_branch = 0 if solved else (self._next_branch + n_branches) % len(near_first)
         watch.add("total", began)
         self._recent_answers_s.append(watch.ms["total"] / 1e3)
+        if isinstance(answer, Motion) and dq is None:
+            answer = self._planner.refined(world, ask, answer, watch)  # an arm that stands has the time
         return (answer if solved or first is None else first), q_goal, watch.ms

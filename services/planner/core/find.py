@@ -16,6 +16,7 @@ from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import World
 from services.planner.kernels.connect import ASTAR, BIDIRECTIONAL, DIJKSTRA, WAVEFRONT, Ends, Scratch, best_way, connect, join_ends
 from services.planner.kernels.neuron_index import nearest_free
+from services.planner.kernels.refine import refine
 from services.planner.kernels.search import NOT_FOUND
 from services.planner.kernels.shorten import cut_corners
 
@@ -29,6 +30,8 @@ Rules = Literal["checked", "paper"]
 SEARCHES = ("dijkstra", "astar", "bidirectional", "wavefront")  # the first three find equally short paths, the last the fewest neurons
 KINDS = {"dijkstra": DIJKSTRA, "astar": ASTAR, "wavefront": WAVEFRONT, "bidirectional": BIDIRECTIONAL}
 FREE_OF_CHARGE = Near(np.empty((0, 0), dtype=np.int32), np.empty((0, 0), dtype=np.int32), np.empty(0))  # by the paper's rules
+MORE_POINTS = 64  # that shortcuts may add to a path
+REFINE_STATE = (1, 2, 3, 4)  # of the generator of shortcuts; any that is not all zero
 N_CONNECTIONS = 24  # nearest free neurons that start and goal may join; our choice
 
 
@@ -149,6 +152,20 @@ class PathFinder:
         """Neurons of the best path whose two connections are free; None if there is none."""
         n = connect(*self.question(world, edge_count, q_start, q_goal, search), ends, self.scratch)
         return None if n == NOT_FOUND else self.scratch.path[:n].copy()
+
+    def refined(self, world: World, found: FoundPath, looks: int) -> Pieces:
+        """A much shorter free path with the same ends: corners cut, then shortcuts drawn by a generator of fixed state.
+
+        Equal paths get equal ones. ``looks``: straight segments that are looked at, at most. The piece that leads out of tolerated cells
+        stays as it is.
+        """
+        c, pieces = self.checker, self.cut_corners(world, found, looks)
+        n = len(pieces.q_rad)
+        path, proven = np.empty((n + MORE_POINTS, pieces.q_rad.shape[1])), np.zeros(n + MORE_POINTS, dtype=np.uint8)
+        path[:n], proven[: n - 1] = pieces.q_rad, pieces.proven
+        first, rng = 0 if found.leaving is None else 1, np.array(REFINE_STATE, dtype=np.uint64)
+        n = refine(c.arm, c.solids, world.cells, c.safety_m, c.step_m, path, proven, n, first, looks, rng)
+        return Pieces(path[:n].copy(), proven[: n - 1].copy(), np.zeros(n - 1, dtype=np.int64))
 
     def cut_corners(self, world: World, found: FoundPath, checks: int) -> Pieces:
         """A shorter free path with the same ends.

@@ -87,7 +87,8 @@ def _grown_table(roadmap: Roadmap, addition: Addition, ground: Ground, n_threads
     nodes = merged((table.node_offset, table.node_owner), n, (node_offset, node_cell), avoidable, left_out)
     # What every old neuron sweeps, no old edge sweeps beyond its ends: its rows begin empty there.
     edges = merged((table.edge_offset, table.edge_owner), roadmap.n_edges, (swept.edge_offset, swept.edge_cell), none, left_out)
-    return LookupTable(*nodes, *edges, unavoidable=unavoidable, layers=_grown_layers(roadmap, addition, ground, n_threads))
+    layers = _grown_layers(roadmap, addition, ground, n_threads)
+    return LookupTable(*nodes, *edges, unavoidable, layers, table.barred_nodes, table.barred_edges)
 
 
 def _sweep_new(roadmap: Roadmap, addition: Addition, ground: Ground, n_threads: int) -> tuple[Swept, int]:

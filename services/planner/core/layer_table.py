@@ -1,7 +1,7 @@
 """The layers of a lookup table: block of cells -> neurons and edges near it, by bands of distance; and how many are near now.
 
 Layers are of blocks and not of cells, since a volume grows with its width: in cells of 2 cm the layers up to 10 cm beyond the safety
-distance would be four times as large as the table itself, in blocks of 4 cm they are smaller than it and read faster.
+distance would have about eight times as many entries as in blocks of 4 cm, in which they are as large as the table itself.
 """
 
 from __future__ import annotations

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from copy import copy
+from dataclasses import dataclass, field
 from queue import SimpleQueue
 from typing import Any
 
@@ -54,6 +55,7 @@ class LookupTable:
         edge_offset, edge_owner: the same for edges; an edge's row holds only what it sweeps beyond its two ends.
         unavoidable: (U,) int32 ascending cells that every neuron sweeps; they are in no row, since no path could ever avoid them.
         layers: which neurons and edges are near a cell beyond the safety distance.
+        barred_nodes, barred_edges: int32 ascending; what is blocked whatever the cells: a payload would hit the static layer or the arm.
     """
 
     node_offset: I64
@@ -62,6 +64,8 @@ class LookupTable:
     edge_owner: U16
     unavoidable: I32
     layers: LayerTable = NO_LAYERS
+    barred_nodes: I32 = field(default_factory=lambda: np.empty(0, dtype=np.int32))
+    barred_edges: I32 = field(default_factory=lambda: np.empty(0, dtype=np.int32))
 
     @staticmethod
     def of_arrays(arrays: Mapping[str, NDArray[Any]], n_cells: int, layers: LayerTable = NO_LAYERS) -> LookupTable:
@@ -223,6 +227,8 @@ class BlockedCounts:
         self.node = np.zeros(n_neurons, dtype=np.int32)
         self.edge = np.zeros(n_edges, dtype=np.int32)
         self.near = NearCounts(table.layers, n_neurons, n_edges)
+        self.node[table.barred_nodes] = 1  # as if by a cell that never goes
+        self.edge[table.barred_edges] = 1
         self.cells: I32 = np.empty(0, dtype=np.int32)
 
     def set_cells(self, cells: I32) -> tuple[I32, I32]:
@@ -242,7 +248,7 @@ class BlockedCounts:
 
     def without(self, cells: I32) -> BlockedCounts:
         """A copy in which ``cells`` (a subset of the occupied ones) count as empty."""
-        copy = BlockedCounts(self._table, 0, 0)
-        copy.node, copy.edge, copy.near, copy.cells = self.node.copy(), self.edge.copy(), self.near.copy(), self.cells
-        copy.set_cells(np.setdiff1d(self.cells, cells, assume_unique=True))
-        return copy
+        fewer = copy(self)
+        fewer.node, fewer.edge, fewer.near = self.node.copy(), self.edge.copy(), self.near.copy()
+        fewer.set_cells(np.setdiff1d(self.cells, cells, assume_unique=True))
+        return fewer

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ AT_REST_RAD_S = 1e-3  # a start slower than this is a start from rest; our choic
 LEADS = (1.1, 1.8)  # lead-in as a multiple of the braking distance along the velocity; 1 would be just enough to stop at its end
 SAME_PLACE_RAD = 1e-6
 ROUTES = 5  # paths a question is given until one stands the exact look; our choice: nearly all stand at once
+LONGER = 1.1  # times the first motion's duration, that a refined one may take; our choice
 BLEND_SHARES = (1.0, 0.3)  # of the room between corners, that their rounding may use; less where a hand needs room; our choice
 
 
@@ -67,6 +68,7 @@ class Motion:
         smoothing: name of the level that was accepted.
         length_rad: joint length of the curve.
         fell_back: no smooth curve was free; the arm stops at each corner.
+        refined: the path was shortened for longer than a first answer waits.
     """
 
     curve: JointTrajectory
@@ -74,6 +76,7 @@ class Motion:
     smoothing: str
     length_rad: float
     fell_back: bool
+    refined: bool = False
 
 
 @dataclass(frozen=True)
@@ -108,6 +111,7 @@ class MotionPlanner:
         joint_range: tuple[F64, F64],
         *,
         shortcut_checks: int,
+        refine_looks: int = 0,
         separation: Separation | None = None,
     ) -> None:
         self.finder = finder
@@ -117,6 +121,7 @@ class MotionPlanner:
         self._limits = limits
         self.hand = hand
         self._shortcut_checks = shortcut_checks
+        self._refine_looks = refine_looks
 
     def answer(self, world: World, ask: Ask, watch: Stopwatch) -> Motion | NotFound:
         """Find, smooth, time and check; stages of ``watch``: search, smooth, time, verify."""
@@ -138,6 +143,25 @@ class MotionPlanner:
         """A motion from rest along a path that was found elsewhere; None: no curve along it is free in ``world``."""
         outcome = self._drive(world, ask, found, None, self._limits.scaled(ask.speed_scale, 1.0), watch)
         return outcome if isinstance(outcome, Motion) else None
+
+    def refined(self, world: World, ask: Ask, motion: Motion, watch: Stopwatch) -> Motion:
+        """The same motion from rest along a shorter path; ``motion`` itself where none is free, or none that is not much slower.
+
+        It takes some milliseconds, bounded by ``refine_looks``; what is sent at once to dodge is not refined first. Stage of ``watch``:
+        refine.
+        """
+        at_rest = ask.velocity_start is None or float(np.abs(ask.velocity_start).max()) < AT_REST_RAD_S
+        if not (at_rest and ask.smooth and ask.rules == "checked" and self._refine_looks > 0 and len(motion.path.q_rad) > 2):
+            return motion
+        began, stages = watch.clock_ns(), Stopwatch(watch.clock_ns)
+        pieces = self.finder.refined(world, motion.path, self._refine_looks).without_repeats(SAME_PLACE_RAD)
+        better = self._rounded(world, ask, motion.path, pieces, None, self._limits.scaled(ask.speed_scale, 1.0), stages)
+        watch.add("refine", began)
+        if not isinstance(better, Motion) or better.fell_back or better.length_rad >= motion.length_rad:
+            return motion
+        if better.curve.duration_s > LONGER * motion.curve.duration_s:  # nearer to what is seen, so slower
+            return motion
+        return replace(better, smoothing=f"{better.smoothing}, refined", refined=True)
 
     def _lead_in(self, velocity: F64, factor: float) -> F64:
         """The way (J,) along ``velocity`` in which the arm could just stop, times ``factor``.

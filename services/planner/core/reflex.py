@@ -17,6 +17,7 @@ from services.planner.config import PlannerConfig
 from services.planner.core.asking import Asker
 from services.planner.core.check import HandReach
 from services.planner.core.found import NotFound
+from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.replan import Action, ReplanRules, ShorterWay, View
 from services.planner.core.report import Event, Goal, Report
@@ -77,6 +78,7 @@ class Reflex:
         self._lag = SeeingLag()
         self._step_began_ns = 0
         self._told_reason = ""  # why there was no way, as it was told last: told once, though thinking says other things in between
+        self.waiting = ""  # why the arm must stand until something is ready; empty: it need not
         self._events: list[Event] = []
         self._outbox: list[Sent] = []
 
@@ -100,6 +102,20 @@ class Reflex:
         self.goal = None
         self.thinker.drop()
         self.report.state, self.report.reason = "idle", ""
+
+    def rearm(self, planner: MotionPlanner, counts: BlockedCounts) -> None:
+        """The arm is another one from now on (it holds something, or no more): all that plans and checks is exchanged at once.
+
+        ``counts``: on the roadmap of ``planner``; brought to the live cells here.
+        """
+        self.planner, self.checker = planner, planner.checker
+        self._asker.rearm(planner)
+        self.thinker.rearm(planner)
+        self._watch.rearm(planner.checker)
+        self.vision.take(planner.finder.roadmap, counts)
+        self._shorter.forget()
+        self._told_reason = ""
+        self._rules.now_or_never()
 
     def hear(self, arm: ArmState, now_s: float) -> None:
         """The arm's newest state."""
@@ -185,7 +201,7 @@ class Reflex:
             blocked_in_s=blocked_in,
             stop_needs_s=self._braking_s(arm) + self._config.replan.stop_margin_s + LEAD_S,
             cells_changed=self._cells_changed,
-            protective=self.vision.protective,
+            protective=self.vision.protective or self.waiting,
             faulted=arm.mode == "fault",
         )
 
@@ -297,7 +313,7 @@ class Reflex:
         splice = (before.id, splice_s) if before is not None and splice_s is not None else None
         cause = self._frame_utc_ns if self._cells_changed else 0
         self._send(Sent(self._next_id(), "motion", self.goal.id, motion.curve, start_s, now_s, motion, q_goal, rule, cause, splice))
-        self.report.rule, self.report.way = rule, motion.path.way
+        self.report.rule, self.report.way, self.report.refined = rule, motion.path.way, motion.refined
         self.report.path_length_rad = motion.length_rad
         self.report.path_neurons = len(motion.path.neurons)
         self.report.smoothing_fallbacks += motion.fell_back
@@ -307,18 +323,16 @@ class Reflex:
         sent = self.underway.sent
         assert sent is not None
         now_s += self._spent_s
-        from_s = self._time_s(arm, now_s) + LEAD_S
-        from_s = max(from_s, 0.0)
+        from_s = max(self._time_s(arm, now_s) + LEAD_S, 0.0)
         within, met_at_s = np.inf, self._watch.met_at_s
         if met_at_s is not None:
             within = max(0.0, met_at_s - from_s - self._config.replan.stop_margin_s)
         curve: JointTrajectory = brake(sent.curve, from_s, self._limits, within)
         reason = why or self.report.reason or "the way ahead is blocked"
         start_s = now_s + (from_s - self._time_s(arm, now_s))
-        goal_id = sent.goal_id
         cause = self._frame_utc_ns if self._cells_changed else 0
-        self._send(Sent(self._next_id(), "stop", goal_id, curve, start_s, now_s, None, None, "blocked", cause, (sent.id, from_s)))
-        self._events.append(Event("stopped", goal_id, {"reason": reason}))
+        self._send(Sent(self._next_id(), "stop", sent.goal_id, curve, start_s, now_s, None, None, "blocked", cause, (sent.id, from_s)))
+        self._events.append(Event("stopped", sent.goal_id, {"reason": reason}))
 
     def _send(self, sent: Sent) -> None:
         self.underway.send(sent)
@@ -366,7 +380,7 @@ class Reflex:
         if view.has_goal and not view.seeing:
             report.state, report.reason = "stale", "no fresh frame of cells"
         elif self.goal is None:
-            report.state, report.reason = "idle", ""
+            report.state, report.reason = "idle", self.waiting
         elif view.protective:
             report.state, report.reason = "blocked", view.protective
         elif view.faulted:

@@ -41,6 +41,7 @@ class Report:
     reason: str = ""
     rule: str | None = None
     way: Way | None = None
+    refined: bool | None = None
     timing_ms: dict[str, float] = field(default_factory=dict)
     path_length_rad: float | None = None
     path_neurons: int | None = None

@@ -16,7 +16,7 @@ from services.planner.kernels.separation import SpeedLaw, speed_caps
 __all__ = ["Caps", "Separation"]
 
 F64 = NDArray[np.float64]
-# Samples of a path (N,), its points and derivatives (N, J), joint speed limits (J,) -> (N,) bounds of (ds/dt)^2, infinite where none.
+# Samples of a path (N,), its points and derivatives (N, J), ds/dt without bounds (N,) -> (N,) bounds of (ds/dt)^2, infinite where none.
 Caps = Callable[[F64, F64, F64, F64], F64]
 
 
@@ -37,10 +37,10 @@ class Separation:
     def caps(self, world: World) -> Caps:
         """Bounds of the speed along paths among the cells of ``world``."""
 
-        def caps(s: F64, q_rad: F64, d1: F64, velocity_rad_s: F64) -> F64:
+        def caps(s: F64, q_rad: F64, d1: F64, speed: F64) -> F64:
             cap = np.full(len(s), np.inf)
-            speed_caps(self.arm, self.reach, world.cells, self.standing, s, q_rad, d1, velocity_rad_s, cap)
-            speed_caps(self.arm, self.reach, world.recent, self.moving, s, q_rad, d1, velocity_rad_s, cap)
+            speed_caps(self.arm, self.reach, world.cells, self.standing, s, q_rad, d1, speed, cap)
+            speed_caps(self.arm, self.reach, world.recent, self.moving, s, q_rad, d1, speed, cap)
             return cap
 
         return caps

@@ -69,6 +69,11 @@ class Thinker:
         if self._thinking is not None and self._thinking.wanted is question:
             self._thinking.hear(answer)
 
+    def rearm(self, planner: MotionPlanner) -> None:
+        """The arm is another one: what was thought of the one before is of no use."""
+        self._planner = planner
+        self.drop()
+
     def drop(self) -> None:
         """There is a way, another goal, or none."""
         self._thinking: Thinking | None = None

@@ -105,16 +105,23 @@ def _time_samples(
     s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None, caps: Caps | None
 ) -> Timed | None:
     """Time at samples of a path (kernels.timing's arguments), within limits also between them."""
-    none = np.full(len(s), np.inf)
+    samples = (s, q, d1, d2, d2_before, limits, velocity_start)
+    uncapped = _time_capped(*samples, np.full(len(s), np.inf))
+    if uncapped is None or caps is None:
+        return None if uncapped is None else uncapped[0]
+    timed, x = uncapped
+    cap = caps(s, q, d1, np.sqrt(x))
+    if np.all(x <= cap):
+        return timed
     # To get out of a way that is blocked counts more than to be slow: a motion that caps make impossible is timed without.
-    for cap in (none,) if caps is None else (caps(s, q, d1, limits.velocity), none):
-        timed = _time_capped(s, q, d1, d2, d2_before, limits, velocity_start, cap)
-        if timed is not None:
-            return timed
-    return None
+    capped = _time_capped(*samples, cap)
+    return timed if capped is None else capped[0]
 
 
-def _time_capped(s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None, cap: F64) -> Timed | None:
+def _time_capped(
+    s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None, cap: F64
+) -> tuple[Timed, F64] | None:
+    """The motion, and (N,) the (ds/dt)^2 that none under a lower ``cap`` exceeds."""
     speed = 0.0
     if velocity_start is not None:
         speed = float(velocity_start @ d1[0]) / max(float(d1[0] @ d1[0]), 1e-12)
@@ -127,7 +134,7 @@ def _time_capped(s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limit
         dq[0] = 0.0 if velocity_start is None else velocity_start
         trajectory = JointTrajectory(time.copy(), q, dq)
         if limit_ratio(trajectory, limits) <= 1.0 + ROUNDING:
-            return Timed(trajectory, _astray(s, x, time, d2))
+            return Timed(trajectory, _astray(s, x, time, d2)), x / factor**2  # another one may get along with less tightening
     return None
 
 
@@ -179,7 +186,8 @@ def time_polyline(
 def _least_cap(q_from: F64, way: F64, limits: Limits, caps: Caps) -> float:
     """The largest ds/dt that ``caps`` allow all along ``way`` (J,) from ``q_from`` (J,), s being the share of it."""
     s = np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(way) / LINE_STEP_RAD))
-    return float(np.sqrt(caps(s, q_from + s[:, None] * way, np.tile(way, (len(s), 1)), limits.velocity).min()))
+    fastest = np.full(len(s), np.min(limits.velocity / np.maximum(np.abs(way), 1e-12)))
+    return float(np.sqrt(caps(s, q_from + s[:, None] * way, np.tile(way, (len(s), 1)), fastest).min()))
 
 
 def _along_line(way: F64, limits: Limits, speed: float, cap: float) -> tuple[F64, F64, F64] | None:

@@ -35,6 +35,11 @@ class Watch:
         self._blocked_at_s = self._hand_at_s = None
         self._look_at_all = True
 
+    def rearm(self, checker: Checker) -> None:
+        """The arm is another one (it holds something, or no more): look at all of what is under way."""
+        self._checker = checker
+        self.take_back()
+
     @property
     def met_at_s(self) -> float | None:
         """The first such time; None: free."""

@@ -5,7 +5,9 @@ from __future__ import annotations
 import queue
 from collections.abc import Callable
 from contextlib import suppress
+from functools import partial
 
+from common.robot.payload import Payload
 from services.planner.core.thinker import Thinker
 from services.planner.core.ways import SamplingAnswer, SamplingQuestion
 from services.planner.fallback.process import FallbackProcess
@@ -19,12 +21,16 @@ class Courier:
     Args:
         process: answers.
         wake: called, in a thread of the process's, when an answer is there.
+
+    Attributes:
+        held: what the arm holds that is asked for.
     """
 
     def __init__(self, process: FallbackProcess, wake: Callable[[], None]) -> None:
         self._process, self._wake = process, wake
         self._answers: queue.SimpleQueue[tuple[SamplingQuestion, SamplingAnswer]] = queue.SimpleQueue()
         self._asked: tuple[SamplingQuestion, int] | None = None
+        self.held: Payload | None = None
 
     def bring(self, thinker: Thinker) -> None:
         """Give what was answered."""
@@ -39,7 +45,7 @@ class Courier:
             self._process.withdraw(self._asked[1])
             self._asked = None
         if wanted is not None and self._asked is None:
-            self._asked = (wanted, self._process.ask(wanted, lambda answer, asked=wanted: self._take(asked, answer)))  # type: ignore[misc]
+            self._asked = (wanted, self._process.ask(wanted, partial(self._take, wanted), self.held))
 
     def _take(self, question: SamplingQuestion, answer: SamplingAnswer) -> None:
         self._answers.put((question, answer))

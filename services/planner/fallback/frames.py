@@ -10,7 +10,7 @@ import msgspec
 from common.cell import CellConfig
 from services.planner.config import MarginsConfig
 
-__all__ = ["Answer", "Asked", "Ready", "Setting", "Withdrawn", "read_frame", "write_frame"]
+__all__ = ["Answer", "Asked", "Held", "Ready", "Setting", "Withdrawn", "read_frame", "write_frame"]
 
 LENGTH = struct.Struct("<I")
 
@@ -30,8 +30,19 @@ class Ready(_Frame, frozen=True, tag=True):
     """The process has compiled everything and answers."""
 
 
+class Held(msgspec.Struct, frozen=True):
+    """A box in the gripper, as :class:`~common.robot.payload.Payload`."""
+
+    size_m: tuple[float, float, float]
+    position_m: tuple[float, float, float]
+    quaternion_xyzw: tuple[float, float, float, float]
+
+
 class Asked(_Frame, frozen=True, tag=True):
-    """A question: start (J,) and goals (G, J) in rad, occupied cells as little-endian int32, state of the generator, samples at most."""
+    """A question: start (J,) and goals (G, J) in rad, occupied cells as little-endian int32, state of the generator, samples at most.
+
+    ``held``: what the gripper holds.
+    """
 
     id: int
     q_start_rad: list[float]
@@ -39,6 +50,7 @@ class Asked(_Frame, frozen=True, tag=True):
     cells: bytes
     seed: list[int]
     max_iterations: int
+    held: Held | None = None
 
 
 class Withdrawn(_Frame, frozen=True, tag=True):

@@ -16,15 +16,17 @@ import time
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from common.cell import CellConfig
+from common.robot.payload import Payload
 from services.planner.config import MarginsConfig
-from services.planner.core.ways import SamplingAnswer, SamplingQuestion
-from services.planner.fallback.frames import Answer, Asked, Ready, Setting, Withdrawn, read_frame, write_frame
+from services.planner.core.ways import Sampler, SamplingAnswer, SamplingQuestion
+from services.planner.fallback.frames import Answer, Asked, Held, Ready, Setting, Withdrawn, read_frame, write_frame
 
 __all__ = ["FallbackProcess", "Sent"]
 
@@ -43,6 +45,7 @@ class _Pending:
     question: SamplingQuestion
     on_answer: OnAnswer
     since_s: float
+    held: Payload | None
     tries: int = 1
 
 
@@ -77,20 +80,27 @@ class FallbackProcess:
         """Whether it answers within the time; for who measures it."""
         return self._ready.wait(timeout_s)
 
-    def ask(self, question: SamplingQuestion, on_answer: OnAnswer) -> int:
-        """Put a question; ``on_answer`` is called once, in a thread of this object, whatever becomes of the process."""
+    def ask(self, question: SamplingQuestion, on_answer: OnAnswer, held: Payload | None = None) -> int:
+        """Put a question for an arm that holds ``held``.
+
+        ``on_answer`` is called once, in a thread of this object, whatever becomes of the process.
+        """
         with self._lock:
             self._n_asked += 1
             number = self._n_asked
-            self._pending[number] = _Pending(question, on_answer, time.monotonic())
+            self._pending[number] = _Pending(question, on_answer, time.monotonic(), held)
             if self._ready.is_set():
-                self._out.put(_asked(number, question))
+                self._out.put(_asked(number, question, held))
         return number
 
-    def send(self, question: SamplingQuestion) -> Sent:
+    def send(self, question: SamplingQuestion, held: Payload | None = None) -> Sent:
         """The same for who has time to wait; never for longer than a process is given."""
         answers: queue.SimpleQueue[SamplingAnswer] = queue.SimpleQueue()
-        return Sent(self, self.ask(question, answers.put), answers)
+        return Sent(self, self.ask(question, answers.put, held), answers)
+
+    def sampler(self, held: Payload | None) -> Sampler:
+        """:meth:`send` for an arm that holds ``held``."""
+        return partial(self.send, held=held)
 
     def withdraw(self, number: int) -> None:
         """The answer is not wanted any more and will not come."""
@@ -156,7 +166,7 @@ class FallbackProcess:
                 self._ready.set()
                 for number, pending in self._pending.items():
                     pending.since_s = time.monotonic()
-                    self._out.put(_asked(number, pending.question))
+                    self._out.put(_asked(number, pending.question, pending.held))
         elif isinstance(frame, Answer):
             with self._lock:
                 pending_ = self._pending.pop(frame.id, None)
@@ -232,7 +242,7 @@ def _write_all(pipe: Any, out: queue.SimpleQueue[Any]) -> None:
         pipe.close()
 
 
-def _asked(number: int, question: SamplingQuestion) -> Asked:
+def _asked(number: int, question: SamplingQuestion, held: Payload | None) -> Asked:
     seed: NDArray[np.uint64] = question.seed
     return Asked(
         number,
@@ -241,4 +251,5 @@ def _asked(number: int, question: SamplingQuestion) -> Asked:
         np.ascontiguousarray(question.cells, dtype="<i4").tobytes(),
         [int(part) for part in seed],
         question.max_iterations,
+        None if held is None else Held(held.size_m, held.position_m, held.quaternion_xyzw),
     )

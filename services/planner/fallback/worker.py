@@ -12,20 +12,24 @@ import signal
 import sys
 import threading
 import time
+from collections import OrderedDict
 from typing import IO, Any
 
 import numpy as np
 
+from common.robot.payload import Payload
+from services.planner.core.check import Checker
 from services.planner.core.repair import tightened
 from services.planner.core.two_trees import Bounds, Joined, TwoTrees, no_map
 from services.planner.core.world import cells_of, no_cells
-from services.planner.fallback.frames import Answer, Asked, Ready, Setting, Withdrawn, read_frame, write_frame
+from services.planner.fallback.frames import Answer, Asked, Held, Ready, Setting, Withdrawn, read_frame, write_frame
 from services.planner.kernels.cells import Cells
 from services.planner.offline.scene import Scene
 
 __all__ = ["Turns", "main"]
 
 REHEARSAL_ITERATIONS = 60
+KEPT = 4  # arms with boxes; our choice
 
 
 class Turns:
@@ -33,8 +37,8 @@ class Turns:
 
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
-        self._checker = scene.checker()
-        self._searches: dict[int, tuple[TwoTrees, Cells, float]] = {}
+        self._checkers: OrderedDict[Held | None, Checker] = OrderedDict()
+        self._searches: dict[int, tuple[TwoTrees, Checker, Cells, float]] = {}
 
     def __len__(self) -> int:
         return len(self._searches)
@@ -46,8 +50,9 @@ class Turns:
             return
         robot = self._scene.robot
         cells = cells_of(self._scene.grid, np.frombuffer(frame.cells, dtype="<i4").astype(np.int32))
+        checker = self._checker(frame.held)
         search = TwoTrees(
-            self._checker,
+            checker,
             cells,
             no_map(robot.n_joints),
             np.array(frame.q_start_rad),
@@ -56,33 +61,45 @@ class Turns:
             np.array(frame.seed, dtype=np.uint64),
             Bounds(frame.max_iterations),
         )
-        self._searches[frame.id] = (search, cells, 0.0)
+        self._searches[frame.id] = (search, checker, cells, 0.0)
+
+    def _checker(self, held: Held | None) -> Checker:
+        """For an arm that holds a box, or nothing; the last ones are kept."""
+        if held not in self._checkers:
+            scene = self._scene
+            if held is not None:
+                scene = scene.holding(Payload(held.size_m, held.position_m, held.quaternion_xyzw))
+            self._checkers[held] = scene.checker()
+        self._checkers.move_to_end(held)
+        while len(self._checkers) > KEPT:
+            self._checkers.popitem(last=False)
+        return self._checkers[held]
 
     def turn(self) -> Answer | None:
         """One slice; the answer if that was the last one."""
         number = next(iter(self._searches))
-        search, cells, spent_ms = self._searches.pop(number)
+        search, checker, cells, spent_ms = self._searches.pop(number)
         began = time.perf_counter()
         over = search.advance()
         found = search.found() if over else None
         if found is not None:
-            found = tightened(self._checker, cells, found)
+            found = tightened(checker, cells, found)
         spent_ms += (time.perf_counter() - began) * 1e3
         if not over:
-            self._searches[number] = (search, cells, spent_ms)
+            self._searches[number] = (search, checker, cells, spent_ms)
             return None
         return Answer(number, None if found is None else found.q_rad.tolist(), search.iterations, spent_ms)
 
     def rehearse(self) -> None:
         """Compile every kernel: a search from home that finds nothing in a few samples."""
-        robot = self._scene.robot
+        robot, checker = self._scene.robot, self._checker(None)
         ends = (robot.home_rad, robot.home_rad[None] + 0.01)
         joint_range = (robot.position_min_rad, robot.position_max_rad)
         empty, nothing = no_cells(self._scene.grid), no_map(robot.n_joints)
-        search = TwoTrees(self._checker, empty, nothing, *ends, joint_range, np.arange(1, 5, dtype=np.uint64), Bounds(REHEARSAL_ITERATIONS))
+        search = TwoTrees(checker, empty, nothing, *ends, joint_range, np.arange(1, 5, dtype=np.uint64), Bounds(REHEARSAL_ITERATIONS))
         while not search.advance():
             pass
-        tightened(self._checker, empty, Joined(np.array([ends[0], ends[0] + 0.01, ends[0]]), np.full(1, -1, dtype=np.int32)))
+        tightened(checker, empty, Joined(np.array([ends[0], ends[0] + 0.01, ends[0]]), np.full(1, -1, dtype=np.int32)))
 
 
 def _listen(pipe: IO[bytes], inbox: queue.SimpleQueue[Any]) -> None:

@@ -1,10 +1,10 @@
-"""Growing a lookup table by rows of new owners, without touching those that are there. Twin: ``tests/support/slow_merging.py``."""
+"""Growing a lookup table by rows of new owners, and joining the rows of two. Twins: ``tests/support/slow_merging.py``."""
 
 from __future__ import annotations
 
 from numba import njit
 
-__all__ = ["append_owners", "copy_rows"]
+__all__ = ["append_owners", "copy_rows", "count_unions", "fill_unions"]
 
 
 @njit(cache=True, nogil=True)
@@ -49,3 +49,53 @@ def append_owners(offset, cells, is_left_out, first_owner, cursor, owner):  # ty
             if not is_left_out[cell]:
                 owner[cursor[cell]] = first_owner + k
                 cursor[cell] += 1
+
+
+@njit(cache=True, nogil=True)
+def count_unions(offset_a, owner_a, offset_b, owner_b, n_bands, seen, counts):  # type: ignore[no-untyped-def]
+    """How many owners row r of the union of two tables has, into ``counts`` (n_rows,); owners ascend within a row.
+
+    Args:
+        offset_a, owner_a, offset_b, owner_b: the two tables.
+        n_bands: so many rows in succession are bands of one thing; an owner is in the lowest band alone in which either table has it.
+        seen: (n_owners,) int64, -1: scratch.
+    """
+    for row in range(len(counts)):
+        i, k, n = offset_a[row], offset_b[row], 0
+        end_a, end_b = offset_a[row + 1], offset_b[row + 1]
+        while i < end_a or k < end_b:
+            owner, i, k = _next(owner_a, owner_b, i, end_a, k, end_b)
+            if seen[owner] != row // n_bands:
+                seen[owner] = row // n_bands
+                n += 1
+        counts[row] = n
+
+
+@njit(cache=True, nogil=True)
+def fill_unions(offset_a, owner_a, offset_b, owner_b, n_bands, seen, offset, owner):  # type: ignore[no-untyped-def]
+    """The owners that :func:`count_unions` counts, ascending, into ``owner`` by ``offset`` (n_rows + 1,).
+
+    Rows that are empty there stay so. Other arguments as for :func:`count_unions`.
+    """
+    for row in range(len(offset) - 1):
+        at = offset[row]
+        if at == offset[row + 1]:
+            continue
+        i, k = offset_a[row], offset_b[row]
+        end_a, end_b = offset_a[row + 1], offset_b[row + 1]
+        while i < end_a or k < end_b:
+            one, i, k = _next(owner_a, owner_b, i, end_a, k, end_b)
+            if seen[one] != row // n_bands:
+                seen[one] = row // n_bands
+                owner[at] = one
+                at += 1
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _next(owner_a, owner_b, i, end_a, k, end_b):  # type: ignore[no-untyped-def]
+    """The lower one of two rows' next owners, and where both go on."""
+    if k == end_b:
+        return owner_a[i], i + 1, k
+    if i == end_a or owner_b[k] < owner_a[i]:
+        return owner_b[k], i, k + 1
+    return owner_a[i], i + 1, k + (owner_a[i] == owner_b[k])

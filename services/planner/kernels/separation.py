@@ -79,7 +79,7 @@ def _body_rates(arm, dq, rotation, translation, rate):  # type: ignore[no-untype
     A body's points move as one rigid body, so none is faster than the fastest corner of its box.
     """
     chain, grids = arm.chain, arm.grids
-    n_frames = len(dq) + 1
+    n_frames, origin = len(dq) + 1, np.zeros(3)
     turning, moving = np.zeros((n_frames, 3)), np.zeros((n_frames, 3))
     for j in range(1, n_frames):
         a, t = chain.axis[j - 1], translation[j]
@@ -97,17 +97,19 @@ def _body_rates(arm, dq, rotation, translation, rate):  # type: ignore[no-untype
                 turning[j, r] += dq[j - 1] * axis
     for b in range(len(arm.moving)):
         j = grids.body_joint[b]
-        wx, wy, wz = turning[j]
+        # Seen from the body's frame, where its box is upright.
+        wx, wy, wz = to_joint_frame(rotation[j], origin, turning[j, 0], turning[j, 1], turning[j, 2])
+        vx, vy, vz = to_joint_frame(rotation[j], origin, moving[j, 0], moving[j, 1], moving[j, 2])
         fastest2 = 0.0
-        for corner in range(8):
-            u = grids.box_max_m[b, 0] if corner & 1 else grids.box_min_m[b, 0]
-            v = grids.box_max_m[b, 1] if corner & 2 else grids.box_min_m[b, 1]
-            w = grids.box_max_m[b, 2] if corner & 4 else grids.box_min_m[b, 2]
-            x = rotation[j, 0, 0] * u + rotation[j, 0, 1] * v + rotation[j, 0, 2] * w
-            y = rotation[j, 1, 0] * u + rotation[j, 1, 1] * v + rotation[j, 1, 2] * w
-            z = rotation[j, 2, 0] * u + rotation[j, 2, 1] * v + rotation[j, 2, 2] * w
-            vx, vy, vz = moving[j, 0] + wy * z - wz * y, moving[j, 1] + wz * x - wx * z, moving[j, 2] + wx * y - wy * x
-            fastest2 = max(fastest2, vx * vx + vy * vy + vz * vz)
+        for end_u in range(2):
+            u = grids.box_max_m[b, 0] if end_u else grids.box_min_m[b, 0]
+            for end_v in range(2):
+                v = grids.box_max_m[b, 1] if end_v else grids.box_min_m[b, 1]
+                x, y, z = vx - wz * v, vy + wz * u, vz + wx * v - wy * u
+                for end_w in range(2):
+                    w = grids.box_max_m[b, 2] if end_w else grids.box_min_m[b, 2]
+                    speed2 = (x + wy * w) ** 2 + (y - wx * w) ** 2 + z**2
+                    fastest2 = max(fastest2, speed2)
         rate[b] = math.sqrt(fastest2)
 
 
@@ -118,54 +120,63 @@ def _moved_m(s, rate, i, b):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def _cap_body(arm, reach, cells, law, s, b, rate, possible, rotation, translation, apart, cap):  # type: ignore[no-untyped-def]
-    """:func:`speed_caps` of body ``b``.
-
-    ``rate`` (N, B): how fast its points are per unit of ``s``; ``possible`` (N,): ds/dt at the most; ``apart`` (N,): scratch.
-    """
-    n = len(s)
-    turn, shift = rotation[:, arm.grids.body_joint[b]], translation[:, arm.grids.body_joint[b]]
-    fastest = 0.0
-    for i in range(n):
-        fastest = max(fastest, rate[i, b] * possible[i])
-    if fastest <= law.reduced_m_s:
-        return
-    enough_m = needed_separation(law, fastest)
-    for i in range(n):
-        left_m = apart[i - 1] - _moved_m(s, rate, i - 1, b) if i > 0 else 0.0
-        # Where it is looked at all, then farther than enough, so that the next samples need no look.
-        apart[i] = left_m if left_m >= enough_m else body_separation(arm, reach, cells, b, turn[i], shift[i], 2.0 * enough_m)
-    for i in range(n - 1):
-        speed = allowed_speed(law, min(0.5 * (apart[i] + apart[i + 1] - _moved_m(s, rate, i, b)), apart[i], apart[i + 1]))
-        for end in range(i, i + 2):
-            if rate[end, b] > 1e-9:
-                cap[end] = min(cap[end], (speed / rate[end, b]) ** 2)
+def _enough_m(law, s, b, rate, speed, i):  # type: ignore[no-untyped-def]
+    """The separation of body ``b`` at sample ``i`` from which on its two pieces bound nothing; 0 where reduced speed is enough."""
+    fastest, moved_m = 0.0, 0.0
+    for k in range(max(0, i - 1), min(len(s), i + 2)):
+        fastest = max(fastest, rate[k, b] * speed[k])
+    for k in range(max(0, i - 1), min(len(s) - 1, i + 1)):
+        moved_m = max(moved_m, _moved_m(s, rate, k, b))
+    return 0.0 if fastest <= law.reduced_m_s else needed_separation(law, fastest) + 0.5 * moved_m
 
 
 @njit(cache=True, nogil=True)
-def speed_caps(arm, reach, cells, law, s, q, d1, velocity, cap):  # type: ignore[no-untyped-def]
+def _cap_body(arm, reach, cells, law, s, b, rate, speed, rotation, translation, apart, cap):  # type: ignore[no-untyped-def]
+    """:func:`speed_caps` of body ``b``.
+
+    ``rate`` (N, B): how fast its points are per unit of ``s``; ``apart`` (N,): scratch.
+    """
+    turn, shift = rotation[:, arm.grids.body_joint[b]], translation[:, arm.grids.body_joint[b]]
+    looked = False
+    for i in range(len(s)):
+        moved_m = _moved_m(s, rate, i - 1, b) if i > 0 else 0.0
+        left_m = apart[i - 1] - moved_m if i > 0 else 0.0
+        enough_m = _enough_m(law, s, b, rate, speed, i)
+        if enough_m == 0.0 or left_m >= enough_m:
+            apart[i], looked = left_m, False
+            continue
+        # Farther than enough, so that the next samples may need no look; but it cannot be farther than it was and has moved.
+        far_m = min(2.0 * enough_m, apart[i - 1] + moved_m) if looked else 2.0 * enough_m
+        apart[i], looked = body_separation(arm, reach, cells, b, turn[i], shift[i], far_m), True
+    for i in range(len(s) - 1):
+        if max(rate[i, b] * speed[i], rate[i + 1, b] * speed[i + 1]) <= law.reduced_m_s:
+            continue
+        allowed = allowed_speed(law, min(0.5 * (apart[i] + apart[i + 1] - _moved_m(s, rate, i, b)), apart[i], apart[i + 1]))
+        for end in range(i, i + 2):
+            if rate[end, b] > 1e-9:
+                cap[end] = min(cap[end], (allowed / rate[end, b]) ** 2)
+
+
+@njit(cache=True, nogil=True)
+def speed_caps(arm, reach, cells, law, s, q, d1, speed, cap):  # type: ignore[no-untyped-def]
     """Lower ``cap`` (N,), bounds of (ds/dt)^2 at samples of a path, to what ``law`` allows each moving body at its separation from cells.
 
     Between two samples a body may be nearer than at either, by half of what it moves beyond their difference: a sample's bound takes in
-    both of its pieces. A body that cannot be faster than the reduced speed is not looked at.
+    both of its pieces. Where ``speed`` needs no more room than there is, nothing is bounded, and mostly nothing looked at.
 
     Args:
         reach: grids that reach beyond the fine ones.
         s: (N,) path parameters. q, d1: (N, J) points of the path and its derivative by ``s``.
-        velocity: (J,) joint limits, which the motion keeps anyway.
+        speed: (N,) ds/dt that the motion has at the most: the one that it has where nothing bounds it.
     """
     n, n_joints, n_bodies = len(s), q.shape[1], len(arm.moving)
     if len(cells.centre_m) == 0:
         return
     rotation, translation = np.empty((n, n_joints + 1, 3, 3)), np.empty((n, n_joints + 1, 3))
-    rate, possible, apart = np.empty((n, n_bodies)), np.empty(n), np.empty(n)
+    rate, apart = np.empty((n, n_bodies)), np.empty(n)
     for i in range(n):
         forward_kinematics(arm.chain, q[i], rotation[i], translation[i])
         _body_rates(arm, d1[i], rotation[i], translation[i], rate[i])
-        possible[i] = math.sqrt(cap[i])
-        for j in range(n_joints):
-            if abs(d1[i, j]) > 1e-12:
-                possible[i] = min(possible[i], velocity[j] / abs(d1[i, j]))
     for b in range(n_bodies):
         if arm.moving[b]:
-            _cap_body(arm, reach, cells, law, s, b, rate, possible, rotation, translation, apart, cap)
+            _cap_body(arm, reach, cells, law, s, b, rate, speed, rotation, translation, apart, cap)

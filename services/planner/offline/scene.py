@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from common.cell import CellConfig
 from common.geometry.grid import Grid
 from common.robot.model import RobotModel, load_robot
+from common.robot.payload import Payload, with_payload
 from services.planner.config import MarginsConfig
 from services.planner.core.arm import arm_of, solids_of
 from services.planner.core.check import Checker
@@ -44,6 +45,15 @@ class Scene:
         robot = load_robot(cell.robot)
         arm = arm_of(robot, static_margin_m=margins.static_m, self_margin_m=margins.self_m)
         return Scene(robot, Grid.of(cell.grid), arm, solids_of(cell.static), margins)
+
+    def holding(self, payload: Payload) -> Scene:
+        """The same for an arm that holds a box; about half a second.
+
+        Raises:
+            RequestError: the box cannot be held.
+        """
+        robot, m = with_payload(self.robot, payload), self.margins
+        return replace(self, robot=robot, arm=arm_of(robot, static_margin_m=m.static_m, self_margin_m=m.self_m))
 
     def checker(self) -> Checker:
         """The one check for this arm, with its own scratch; without names of static shapes."""

@@ -55,16 +55,11 @@ class World:
         self._obstacles: dict[str, int] = {}
         p.setGravity(0.0, 0.0, -9.81, physicsClientId=self._client)
         p.setPhysicsEngineParameter(fixedTimeStep=step_s, numSubSteps=0, deterministicOverlappingPairs=1, physicsClientId=self._client)
-        with tempfile.TemporaryDirectory(prefix="tolman-arm-") as folder:
-            self._load_arm(write_urdf(robot, Path(folder)))
         for solid in static:
             T = rpy_matrix(solid.position_m, solid.rpy_rad)
             body = self._create(solid.name, solid.shape, solid.size_m, Pose(T[:3, 3], quaternion_of(T)))
             self._static.append(body)
-        self._immobile = [b.name for b in robot.bodies if b.immobile]
-        for name in self._immobile:  # it stands in the table or on it
-            for body in self._static:
-                self._collide(self._arm, self._link_of[name], body, -1, False)
+        self._stand_arm()
         self.reset(robot.home_rad)
 
     def __enter__(self) -> World:
@@ -80,6 +75,14 @@ class World:
             self._client = -1
 
     # --- the arm ---
+
+    def _stand_arm(self) -> None:
+        with tempfile.TemporaryDirectory(prefix="tolman-arm-") as folder:
+            self._load_arm(write_urdf(self._robot, Path(folder)))
+        self._immobile = [b.name for b in self._robot.bodies if b.immobile]
+        for name in self._immobile:  # it stands in the table or on it
+            for body in self._static:
+                self._collide(self._arm, self._link_of[name], body, -1, False)
 
     def _load_arm(self, path: Path) -> None:
         robot = self._robot
@@ -110,6 +113,13 @@ class World:
 
     def _collide(self, body_a: int, link_a: int, body_b: int, link_b: int, enabled: bool) -> None:
         p.setCollisionFilterPair(body_a, body_b, link_a, link_b, int(enabled), physicsClientId=self._client)
+
+    def change_arm(self, robot: RobotModel, q_rad: F64) -> None:
+        """Another arm in the same place, standing at ``q_rad`` (J,): it holds something, or no more."""
+        p.removeBody(self._arm, physicsClientId=self._client)
+        self._robot = robot
+        self._stand_arm()
+        self.reset(q_rad)
 
     def reset(self, q_rad: F64) -> None:
         """Put the arm at ``q_rad`` (J,), at rest."""

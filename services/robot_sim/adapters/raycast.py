@@ -51,12 +51,17 @@ class DepthRenderer:
         self._rays = np.empty((sum(c.width * c.height for c in self._cameras), 6), dtype=np.float32)
         links = [_link(body) for body in bodies]
         self._moving = [link for link in links if link.joint > 0]
+        self._held: list[_Link] = []
         self._background = [np.full((c.height, c.width), np.inf, dtype=np.float32) for c in self._cameras]
         fixed = [PlacedShape(s.shape, tuple(s.size_m), rpy_matrix(s.position_m, s.rpy_rad)) for s in solids]
         self._draw_shapes(fixed, self._background)
         for link in links:
             if link.joint == 0:
                 self._draw_link(link, T_world_base, self._background)
+
+    def hold(self, body: Body | None) -> None:
+        """The gripper holds a body from now on, or nothing."""
+        self._held = [] if body is None else [_link(body)]
 
     def render(self, T_world_joint: F64, shapes: Sequence[PlacedShape]) -> list[F32]:
         """True depth (height, width) in metres of each camera, inf where nothing is.
@@ -66,7 +71,7 @@ class DepthRenderer:
             shapes: everything else that is there now.
         """
         images = [background.copy() for background in self._background]
-        for link in self._moving:
+        for link in self._moving + self._held:
             self._draw_link(link, T_world_joint[link.joint], images)
         self._draw_shapes(shapes, images)
         return images

@@ -13,10 +13,12 @@ from common.bus.service import Service, Vitals
 from common.bus.session import Bus
 from common.clock import ClockOffset, monotonic_ns, utc_ns
 from common.config import plain
+from common.errors import RequestError
 from common.robot.history import JointHistory, JointSample
 from common.robot.model import RobotModel, load_robot
+from common.robot.payload import Payload, payload_body
 from common.wire import keys
-from common.wire.messages import DepthImage, RobotState, Scene
+from common.wire.messages import DepthImage, HeldBox, RobotState, Scene
 from services.robot_sim.adapters.raycast import DepthRenderer
 from services.robot_sim.cameras.config import CamerasConfig
 from services.robot_sim.core.camera_exposure import MovingShape, SceneHistory, moving_shape
@@ -40,6 +42,7 @@ class CamerasService:
         self._noise = DepthNoise(config.noise_model(), config.seed)
         self._scene_history = SceneHistory(max_extrapolation_s=config.max_extrapolation_s)
         self._schedule = Schedule(config.rate_hz, config.render_delay_s)
+        self._held: HeldBox | None = None
         self._robot: RobotModel
         self._joint_history: JointHistory
         self._renderer: DepthRenderer
@@ -74,10 +77,23 @@ class CamerasService:
         for received in self._states.take_all():
             state = received.message
             problem = self._joint_history.add(JointSample(state.stamp_ns, state.q_rad, state.dq_rad_s, state.seq))
+            problem = problem or self._hear_held(state.held)
             if problem:
                 self._bus.complain(f"{received.key}: {problem}", subject=received.key)
             else:
                 self._clock.observe(state.stamp_ns, received.arrival_ns)
+
+    def _hear_held(self, box: HeldBox | None) -> str:
+        """Show what the gripper holds; says what is wrong with it."""
+        if box == self._held:
+            return ""
+        self._held = box
+        try:
+            body = None if box is None else payload_body(self._robot, Payload.of(box.size_m, box.position_m, box.quaternion_xyzw))
+        except RequestError as error:
+            return f"held: {error.message}"
+        self._renderer.hold(body)
+        return ""
 
     def _take_scene(self) -> None:
         received = self._scenes.take()

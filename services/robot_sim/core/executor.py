@@ -106,9 +106,13 @@ class Executor:
                 self._refusal = self._refused_id = ""
                 return None
             refusal = segment
-        self._refused_id = motion.id
-        self._refusal = f"refused {motion.id[:64]!r}: {refusal}"
-        return refusal
+        return self.refuse(motion.id, refusal)
+
+    def refuse(self, motion_id: str, why: str) -> str:
+        """Refuse a trajectory for a reason that lies outside of it; says it in the status and returns it."""
+        self._refused_id = motion_id
+        self._refusal = f"refused {motion_id[:64]!r}: {why}"
+        return why
 
     def guide(self, motion: Motion) -> str | None:
         """A hand takes the tool and leads the arm along ``motion``; refused, like a trajectory, and also while anything is driven.

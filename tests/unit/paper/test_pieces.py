@@ -17,9 +17,9 @@ from services.planner.core.roadmap import Roadmap
 
 def small_table(n_neurons: int, n_cells: int, rng: np.random.Generator) -> LookupTable:
     hit = rng.random((n_cells, n_neurons)) < 0.1
-    offset = np.concatenate([[0], np.cumsum(hit.sum(axis=1))]).astype(np.int64)
+    offset = np.concatenate([[0], np.cumsum(hit.sum(axis=1))]).astype(np.int64)[None]
     owner = np.nonzero(hit)[1].astype(np.uint16)
-    empty = np.zeros(n_cells + 1, dtype=np.int64)
+    empty = np.zeros((1, n_cells + 1), dtype=np.int64)
     return LookupTable(offset, owner, empty, np.empty(0, dtype=np.uint16), np.empty(0, dtype=np.int32))
 
 

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from common.geometry.transforms import rpy_matrix
+from common.robot.payload import Payload, payload_body, with_payload
 from services.perception.core.background import lowest_visible_m
 from services.robot_sim.core.camera_shapes import PlacedShape
 from tests.support.eyes import Eyes
@@ -202,3 +203,19 @@ def test_the_lowest_thing_that_can_be_seen_is_what_is_stated(eyes: Eyes, place: 
 
     assert seen(lowest + 0.004) > 5
     assert seen(lowest / 2 - 0.003) == 0
+
+
+def test_what_the_gripper_holds_is_the_arm_and_no_cell() -> None:
+    eyes = Eyes()
+    q = eyes.robot.home_rad
+    payload = Payload((0.08, 0.08, 0.12), (0.0, 0.0, 0.06))
+    eyes.renderer.hold(payload_body(eyes.robot, payload))
+    for _ in range(4):
+        unknown = eyes.look(q)
+    assert len(unknown) > 20  # nobody has told the eyes
+    eyes.robot = with_payload(eyes.robot, payload)
+    eyes.margin = np.append(eyes.margin, eyes.config.self_margin_m)
+    eyes.occupancy.rearm(eyes.robot.grids)
+    for _ in range(15):
+        known = eyes.look(q)
+    assert len(known) == 0

@@ -49,7 +49,7 @@ def cut(bench):
 
 
 def _world_of(bench, cells):
-    rows = np.zeros(bench.grid.n_cells + 1, dtype=np.int64)
+    rows = np.zeros((1, bench.grid.n_cells + 1), dtype=np.int64)
     nobody = np.empty(0, dtype=np.uint16)
     counts = BlockedCounts(LookupTable(rows, nobody, rows, nobody, np.empty(0, dtype=np.int32)), 0, 0)
     counts.set_cells(cells)

@@ -22,7 +22,7 @@ def _roadmap(n, seed):
     q = np.random.default_rng(seed).normal(size=(n, 3))
     _, near = KDTree(q).query(q, k=4)
     learned = CognitiveMap.of(q, np.array([(i, j) for i in range(n) for j in near[i, 1:]]))
-    empty = LookupTable(*(np.zeros(2, dtype=np.int64), np.empty(0, dtype=np.uint16)) * 2, np.empty(0, dtype=np.int32))
+    empty = LookupTable(*(np.zeros((1, 2), dtype=np.int64), np.empty(0, dtype=np.uint16)) * 2, np.empty(0, dtype=np.int32))
     return Roadmap.of(learned, empty, "test")
 
 

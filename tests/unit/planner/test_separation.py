@@ -22,8 +22,8 @@ from tests.support.cell import ur3, ur3_cell
 from tests.support.slow_layers import slow_far
 from tests.support.slow_separation import slow_allowed_speed, slow_clearance
 
-STANDING = SpeedLaw(person_m_s=0.0, reaction_s=0.15, braking_m_s2=2.5, reduced_m_s=0.25)
-MOVING = STANDING._replace(person_m_s=0.25)
+STANDING = SpeedLaw(person_m_s=0.0, reaction_s=0.0, braking_m_s2=2.5, reduced_m_s=0.25)
+MOVING = STANDING._replace(person_m_s=0.25, reaction_s=0.15)
 LIMITS = Limits(0.8 * ur3().max_velocity_rad_s, 0.9 * ur3().max_acceleration_rad_s2)
 TWO_CELLS_M = 0.04  # issue
 
@@ -117,7 +117,7 @@ def test_against_the_physics_engine_never_above_and_at_most_two_cells_below(benc
 
 @pytest.mark.parametrize(
     ("separation_m", "standing", "moving"),
-    [(0.02, 0.25, 0.25), (0.05, 0.25, 0.25), (0.07, 0.3254, 0.25), (0.12, 0.4856, 0.2712), (0.3, 0.9059, 0.6800), (1.0, 1.8923, 1.6560)],
+    [(0.01, 0.25, 0.25), (0.02, 0.3162, 0.25), (0.05, 0.5, 0.25), (0.12, 0.7746, 0.2712), (0.3, 1.2247, 0.6800), (1.0, 2.2361, 1.6560)],
 )
 def test_the_law_in_figures(separation_m, standing, moving):
     assert allowed_speed(STANDING, separation_m) == pytest.approx(standing, abs=1e-4)
@@ -136,7 +136,7 @@ def test_the_law_is_the_standards(separation_m, law):
 
 def _world(bench, flat, recent=()):
     n = bench.grid.n_cells + 1
-    rows = (np.zeros(n, dtype=np.int64), np.empty(0, dtype=np.uint16))
+    rows = (np.zeros((1, n), dtype=np.int64), np.empty(0, dtype=np.uint16))
     counts = BlockedCounts(LookupTable(*rows, *rows, np.empty(0, dtype=np.int32)), 1, 1)
     counts.set_cells(np.asarray(flat, dtype=np.int32))
     return World.of(bench.grid, counts, np.asarray(recent, dtype=np.int32))
@@ -148,6 +148,12 @@ def _path(seed):
     steps = rng.uniform(0.2, 0.7, size=(3, 1)) * np.array([[1.0, 0.1, -0.2, 0.1, 0.0, 0.3]]) + rng.normal(scale=0.1, size=(3, 6))
     path = np.vstack([[-0.8, -1.3, 1.3, -1.6, -1.57, 0.0], steps]).cumsum(axis=0)
     return path, np.array([0.0, 0.1, 0.1, 0.0])
+
+
+def _timed(path, reach, velocity_start=None, caps=None):
+    timed = time_blends(path, reach, LIMITS, velocity_start, caps)
+    assert timed is not None
+    return timed.curve
 
 
 def _beside(bench, q, rng, n):
@@ -172,7 +178,7 @@ def test_no_part_of_the_arm_is_faster_than_its_separation_allows(bench, separati
     rng = np.random.default_rng(seed)
     flat = _beside(bench, path[1], rng, 27)
     world = _world(bench, flat, flat if law == "moving" else ())
-    free, slow = time_blends(path, reach, LIMITS), time_blends(path, reach, LIMITS, None, separation.caps(world))
+    free, slow = _timed(path, reach), _timed(path, reach, None, separation.caps(world))
     assert slow.duration_s >= free.duration_s and limit_ratio(slow, LIMITS) <= 1.0 + 1e-5
     bodies = [(coal_mesh(body), body.joint) for body in bench.robot.bodies if not body.immobile]
     cells, too_fast = cells_of(bench.grid, flat), 0
@@ -191,9 +197,9 @@ def test_it_slows_and_is_the_same_twice(bench, separation):
     path, reach = _path(0)
     flat = _beside(bench, path[1], np.random.default_rng(0), 27)
     caps = separation.caps(_world(bench, flat))
-    one, two = (time_blends(path, reach, LIMITS, None, caps) for _ in range(2))
+    one, two = (_timed(path, reach, None, caps) for _ in range(2))
     assert one.t_s.tobytes() == two.t_s.tobytes() and one.dq_rad_s.tobytes() == two.dq_rad_s.tobytes()
-    assert one.duration_s > 1.05 * time_blends(path, reach, LIMITS).duration_s
+    assert one.duration_s > 1.05 * _timed(path, reach).duration_s
     corners = path[:2]
     assert time_polyline(corners, LIMITS, None, caps)[0].duration_s > 1.05 * time_polyline(corners, LIMITS)[0].duration_s
 
@@ -202,7 +208,7 @@ def test_without_cells_it_is_as_fast_as_ever(bench, separation):
     path, reach = _path(1)
     far = bench.grid.cells_of(np.array([[-0.75, -0.75, 0.9]]))
     for world in (_world(bench, []), _world(bench, far)):
-        slow, free = time_blends(path, reach, LIMITS, None, separation.caps(world)), time_blends(path, reach, LIMITS)
+        slow, free = _timed(path, reach, None, separation.caps(world)), _timed(path, reach)
         assert slow.t_s.tobytes() == free.t_s.tobytes()
 
 
@@ -213,8 +219,8 @@ def test_a_start_too_fast_for_what_is_near_brakes_and_goes_on(bench, separation)
     velocity = first / np.abs(first / LIMITS.velocity).max() * 0.8
     flat = _beside(bench, path[0], np.random.default_rng(1), 27)
     caps = separation.caps(_world(bench, flat, flat))
-    slow = time_blends(path, reach, LIMITS, velocity, caps)
-    assert slow is not None and slow.dq_rad_s[0] == pytest.approx(velocity)
+    slow = _timed(path, reach, velocity, caps)
+    assert slow.dq_rad_s[0] == pytest.approx(velocity)
     assert limit_ratio(slow, LIMITS) <= 1.0 + 1e-5
-    assert slow.duration_s > time_blends(path, reach, LIMITS, velocity).duration_s
+    assert slow.duration_s > _timed(path, reach, velocity).duration_s
     assert np.abs(slow.sample(0.15)[1]).max() < np.abs(velocity).max(), "it brakes at once"

@@ -15,7 +15,7 @@ FRAME_S = 1 / 15
 
 
 def _vision() -> Vision:
-    rows = np.zeros(GRID.n_cells + 1, dtype=np.int64)
+    rows = np.zeros((1, GRID.n_cells + 1), dtype=np.int64)
     nobody = np.empty(0, dtype=np.uint16)
     table = LookupTable(rows, nobody, rows, nobody, np.empty(0, dtype=np.int32))
     learned = CognitiveMap(np.zeros((2, 6)), np.array([[0, 1]], dtype=np.int32))

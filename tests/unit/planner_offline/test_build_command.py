@@ -51,6 +51,15 @@ def test_builds_once_reports_and_finds_it_again(tmp_path: Path, cache: Path, cap
     assert "torn" in capsys.readouterr().err and kept[0].read_bytes() == whole
 
 
+def test_a_box_on_a_small_map_is_measured(tmp_path: Path) -> None:
+    report = tmp_path / "payload.json"
+    overrides = [f"--override={one.removeprefix('--set=')}" for one in SMALL]
+    assert main(["bench", "payload", "--n=1", f"--json={report}", *overrides]) == 0
+    told = json.loads(report.read_text())
+    assert told["n_neurons"] == 100 and 0.0 < told["kept_s"]["p50"] < told["new_s"]["p50"]
+    assert {"machine", "commit", "config", "barred_neurons", "layer_bytes"} <= set(told)
+
+
 def test_recorded_motions_are_learned_and_bad_ones_refused(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     good, bad = tmp_path / "wave.csv", tmp_path / "bad.csv"
     np.savetxt(good, np.linspace([0, -1.5, 1.5, -1.5, -1.5, 0], [0.5, -1.2, 1.2, -1.5, -1.5, 0], 20), delimiter=",")

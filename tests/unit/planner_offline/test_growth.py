@@ -64,7 +64,7 @@ def test_schedules_that_are_left_out_follow_the_lattice() -> None:
         (["planner.model=hopfield"], ["[planner]", "hopfield", "$.model"]),
         (["planner.som.colums=30"], ["[planner]", "colums", "$.som"]),
         (["planner.som.rows=1", "planner.som.columns=2"], ["[planner]", "1 x 2", "$.som"]),
-        (["planner.gamma_som.rows=300", "planner.gamma_som.columns=300"], ["[planner]", "300 x 300", "$.gamma_som"]),
+        (["planner.gamma_som.rows=500", "planner.gamma_som.columns=500"], ["[planner]", "500 x 500", "$.gamma_som"]),
         (["planner.gamma_som.beta=1.0"], ["[planner]", "$.gamma_som.beta"]),
         (["planner.search=greedy"], ["[planner]", "greedy", "$.search"]),
     ],

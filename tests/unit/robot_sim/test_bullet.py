@@ -11,6 +11,7 @@ import pytest
 from scipy.spatial import ConvexHull
 
 from common.cell import SolidConfig
+from common.robot.payload import Payload, with_payload_shape
 from services.robot_sim.adapters.bullet import World
 from services.robot_sim.adapters.bullet_monitor import Monitor
 from services.robot_sim.adapters.convex import convex_pieces
@@ -172,3 +173,23 @@ def test_two_worlds_share_nothing_and_leave_no_files(tmp_path: Path, monkeypatch
         assert one.nearest_static(3.0) is not None and other.nearest_static(3.0) is None
     one.close()  # again: no harm
     assert list(tmp_path.iterdir()) == []
+
+
+def test_an_arm_that_holds_a_box_has_it_as_a_body(world: World) -> None:
+    bare = ur3()
+    held = with_payload_shape(bare, Payload((0.04, 0.04, 0.10), (0.0, 0.0, 0.05)))
+    tool = bare.tool_pose(FORWARD)
+    below = tool[:3, 3] + 0.17 * tool[:3, 2]  # the box ends 0.10 m beyond the tool's centre, the ball begins 0.15 m beyond
+    world.add(thing("ball", "sphere", (0.02,), below.tolist()))
+    seen = []
+    for robot in (bare, held, bare):
+        world.change_arm(robot, FORWARD)
+        assert np.allclose(world.joints()[0], FORWARD)
+        assert np.abs(world.frame_poses() - bare.joint_poses(FORWARD[None])[0, 1:]).max() < 1e-6
+        nearest = world.nearest_obstacle(0.5)
+        assert nearest is not None
+        seen.append((nearest.part, round(nearest.distance_m, 2)))
+    assert seen == [("tool", 0.15), ("payload", 0.05), ("tool", 0.15)]
+    world.change_arm(held, FORWARD)
+    drive(world, FORWARD, FORWARD + 0.2, 0.5)
+    assert np.allclose(world.joints()[0], FORWARD + 0.2, atol=0.01)

@@ -107,6 +107,15 @@ def test_refusals_say_why_and_move_nothing(sent, why: str) -> None:
     assert arm.executor.status().reason == ""
 
 
+def test_a_refusal_from_outside_is_told_like_its_own() -> None:
+    arm = Arm()
+    assert arm.executor.refuse("late", "it reckons with something else") == "it reckons with something else"
+    status = arm.executor.status()
+    assert status.refused_id == "late" and "it reckons with something else" in status.reason and status.mode == "idle"
+    arm.start()
+    assert arm.executor.status().refused_id == ""
+
+
 def test_a_curve_that_ends_in_motion_is_refused() -> None:
     half = JointTrajectory(LINE.t_s[:2], LINE.q_rad[:2], LINE.dq_rad_s[:2])
     assert "ends in motion" in str(Arm().executor.submit(motion("a", half, 1_000 * NS)))
