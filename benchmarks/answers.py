@@ -14,7 +14,6 @@ from benchmarks.questions import Question
 from common.errors import TolmanError
 from services.planner.assemble import Parts
 from services.planner.core.found import NotFound, Way
-from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, Stopwatch
 from services.planner.core.ways import Sampler, Thinking, ThinkingRules, think
 from services.planner.core.world import World
@@ -23,6 +22,7 @@ from services.planner.fallback.process import FallbackProcess
 __all__ = ["Answer", "Answerer", "fallback_of", "percentiles"]
 
 F64 = NDArray[np.float64]
+NO_CELLS = np.empty(0, dtype=np.int32)
 READY_WITHIN_S = 300.0  # the first start on a machine compiles
 
 
@@ -44,7 +44,7 @@ class Answer:
 
 
 class Answerer:
-    """Answers on one map; each question starts from an empty world.
+    """Answers on one map, as one planner that runs; each question comes into an empty world, in which its cells appear.
 
     Args:
         parts: map, robot, config.
@@ -55,13 +55,15 @@ class Answerer:
     def __init__(self, parts: Parts, sampler: Sampler | None, ways: Sequence[Way] | None = None) -> None:
         self._parts, self._sampler = parts, sampler
         self._planner = parts.motion_planner()
+        self._counts = parts.roadmap.counts(parts.grid)
         ways = [way for way in ways or parts.config.ways if way != "fallback" or sampler is not None]
         self._rules = replace(ThinkingRules.of(parts.config), ways=ways)
 
     def answer(self, question: Question) -> Answer:
         """The answer to a question."""
-        config, roadmap = self._parts.config, self._parts.roadmap
-        counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
+        config = self._parts.config
+        counts = self._counts
+        counts.set_cells(NO_CELLS)
         watch = Stopwatch(time.perf_counter_ns)
         began = watch.clock_ns()
         counts.set_cells(question.cells)

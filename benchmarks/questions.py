@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from common.errors import RequestError
 from services.planner.assemble import Parts
 from services.planner.core.inverse_kinematics import InverseKinematics
-from services.planner.core.lookup import BlockedCounts
 from services.planner.core.world import cells_of, no_cells
 from services.planner.kernels.collision import FREE
 from services.planner.offline.regions import box_cells, random_box, tool_pose_in
@@ -66,7 +65,7 @@ class _Drawer:
         self._name = name
         self._checker = parts.checker()
         self._inverse = InverseKinematics(parts.robot)
-        self._counts = BlockedCounts(parts.roadmap.table, parts.roadmap.n_neurons, parts.roadmap.n_edges)
+        self._counts = parts.roadmap.counts(parts.grid)
 
     def draw(self, index: int, rng: np.random.Generator) -> Question:
         for _ in range(DRAWS):

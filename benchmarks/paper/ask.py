@@ -14,7 +14,6 @@ from common.errors import RequestError
 from services.planner.assemble import Parts
 from services.planner.core.find import SEARCHES, PathFinder, Rules
 from services.planner.core.found import FoundPath, NotFound
-from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.way_out import route_of
 from services.planner.core.world import World
@@ -83,7 +82,7 @@ class Answer:
 
 def answer(parts: Parts, planner: MotionPlanner, question: Question, variant: Variant) -> Answer:
     """Ask in a world that was empty until now: the cells of the question appear, then the answer is made."""
-    counts = BlockedCounts(parts.roadmap.table, parts.roadmap.n_neurons, parts.roadmap.n_edges)
+    counts = parts.roadmap.counts(parts.grid)
     watch = Stopwatch(time.perf_counter_ns)
     began = watch.clock_ns()
     counts.set_cells(question.cells)

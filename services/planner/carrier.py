@@ -113,7 +113,7 @@ class Carrier:
         began_ns = monotonic_ns()
         try:
             parts = bare if payload is None else self._holding(bare, payload)
-            counts = BlockedCounts(parts.roadmap.table, parts.roadmap.n_neurons, parts.roadmap.n_edges)
+            counts = parts.roadmap.counts(parts.grid)
             counts.set_cells(self._reflex.vision.counts.cells)
             sampler = None if self._sampler_of is None else self._sampler_of(payload)
             made = (parts, parts.motion_planner(), parts.goal_resolver(), QuestionDesk(parts, monotonic_ns, sampler), counts)

@@ -137,7 +137,7 @@ class Student:
     def _ready(self, lesson: Lesson, reply: LearnReply, parts: Parts) -> Learned:
         """With all that the exchange needs, made here."""
         roadmap = parts.roadmap
-        counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
+        counts = roadmap.counts(parts.grid)
         counts.set_cells(self._reflex.vision.counts.cells)
         surcharges = self._reflex.planner.finder.surcharges.tolist()
         finder = PathFinder(roadmap, self._reflex.checker, surcharges)  # the loop's own checker: only the loop will use this finder

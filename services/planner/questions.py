@@ -15,7 +15,6 @@ from services.planner.assemble import Parts
 from services.planner.core.find import SEARCHES
 from services.planner.core.found import NotFound, Way
 from services.planner.core.goals import GoalResolver
-from services.planner.core.lookup import BlockedCounts
 from services.planner.core.motion import Ask, Motion, Stopwatch
 from services.planner.core.ways import Sampler, Thinking, ThinkingRules, think
 from services.planner.core.world import World
@@ -66,7 +65,7 @@ class QuestionDesk:
         self._clock_ns = clock_ns
         self._planner = parts.motion_planner()
         self._resolver = parts.goal_resolver()
-        self._counts = BlockedCounts(parts.roadmap.table, parts.roadmap.n_neurons, parts.roadmap.n_edges)
+        self._counts = parts.roadmap.counts(parts.grid)
 
     def answer(self, request: PlanRequest, q_now: F64 | None, live_cells: I32) -> PlanReply:
         """The answer to a question.

@@ -7,7 +7,7 @@ import numpy as np
 from services.planner.kernels.collision import Arm
 from services.planner.kernels.reach import REACH_SPACING_M, Reach
 
-__all__ = ["slow_far", "slow_pose_bands"]
+__all__ = ["bands_of", "lowest_band", "slow_far", "slow_pose_bands"]
 
 
 def slow_far(reach: Reach, b: int, point: np.ndarray) -> float:
@@ -43,3 +43,14 @@ def slow_pose_bands(arm: Arm, reach: Reach, frames: np.ndarray, centres: np.ndar
         bands[i] = np.count_nonzero(~held)
         assert np.all(np.diff(held.astype(int)) >= 0), "a wider layer holds what a narrower one holds"
     return bands
+
+
+def bands_of(counts: np.ndarray, n_bands: int) -> np.ndarray:
+    """(K, L) the numbers that share the words ``counts`` (K,) of a :class:`~services.planner.core.layer_table.NearCounts`."""
+    n_bits = 64 // n_bands
+    return np.array([[int(word) >> k * n_bits & (1 << n_bits) - 1 for k in range(n_bands)] for word in counts]).reshape(-1, n_bands)
+
+
+def lowest_band(counts: np.ndarray, n_bands: int) -> np.ndarray:
+    """(K,) the lowest band in which something is, ``n_bands`` where nothing is near."""
+    return np.array([min((k for k in range(n_bands) if row[k]), default=n_bands) for row in bands_of(counts, n_bands)])

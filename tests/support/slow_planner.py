@@ -9,7 +9,7 @@ import numpy as np
 from common.robot.kernels import BodyGrids, body_distance
 from services.planner.kernels.collision import Arm
 
-__all__ = ["slow_counts", "slow_dijkstra", "slow_near", "slow_pose_cells", "slow_touches"]
+__all__ = ["slow_counts", "slow_dijkstra", "slow_exposed", "slow_near", "slow_pose_cells", "slow_touches"]
 
 
 def slow_touches(arm: Arm, b: int, frame: np.ndarray, centre: np.ndarray, half: float, safety: float) -> bool:
@@ -59,6 +59,17 @@ def slow_counts(rows: dict[int, list[int]], cells: set[int], n: int) -> np.ndarr
         for owner in rows.get(cell, []):
             count[owner] += 1
     return count
+
+
+def slow_exposed(cells: np.ndarray, shape: tuple[int, int, int], never: set[int]) -> np.ndarray:
+    """The cells (C,) of which one of the 26 around is empty, or ``never`` occupied, or outside."""
+    full = {tuple(int(i) for i in np.unravel_index(cell, shape)) for cell in cells if cell not in never}
+
+    def enclosed(cell: int) -> bool:
+        x, y, z = (int(i) for i in np.unravel_index(cell, shape))
+        return all((x + dx, y + dy, z + dz) in full for dx in (-1, 0, 1) for dy in (-1, 0, 1) for dz in (-1, 0, 1))
+
+    return np.array([cell for cell in cells if not enclosed(cell)], dtype=np.int32)
 
 
 def slow_dijkstra(n: int, edges: dict[tuple[int, int], float], starts: dict[int, float], goals: dict[int, float]) -> float:

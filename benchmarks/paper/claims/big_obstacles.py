@@ -18,7 +18,6 @@ from benchmarks.questions import Question
 from services.planner.core.check import Checker
 from services.planner.core.find import PathFinder, Rules
 from services.planner.core.found import FoundPath
-from services.planner.core.lookup import BlockedCounts
 from services.planner.core.world import World, cells_of
 from services.planner.kernels.collision import FREE
 from services.planner.offline.regions import box_cells
@@ -81,7 +80,7 @@ def _scene(study: Study, finders: dict[str, PathFinder], question: Question) -> 
     falls = []
     for model, finder in finders.items():
         roadmap = study.parts(model).roadmap
-        counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
+        counts = roadmap.counts(parts.grid)
         open_rules: list[Rules] = list(RULES)
         blocked = 0.0
         for edge_m, cells in cubes:

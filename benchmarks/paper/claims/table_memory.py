@@ -16,7 +16,6 @@ from benchmarks.paper.stats import median
 from benchmarks.paper.study import Study
 from benchmarks.questions import Question
 from services.planner.assemble import Parts
-from services.planner.core.lookup import BlockedCounts
 from services.planner.offline.regions import box_cells
 
 __all__ = ["Memory", "measure"]
@@ -104,7 +103,7 @@ def _size(study: Study, n_neurons: int) -> Memory:
 def _query(parts: Parts, bits: BitTable, question: Question, memory: Memory) -> None:
     nothing = np.empty(0, dtype=np.int32)
     there, moved = _cells(parts, question.boxes_m), _cells(parts, question.boxes_m + np.array([parts.grid.resolution_m, 0.0, 0.0]))
-    counts = BlockedCounts(parts.roadmap.table, parts.roadmap.n_neurons, parts.roadmap.n_edges)
+    counts = parts.roadmap.counts(parts.grid)
     for what, before, after in (("appear", nothing, there), ("move", there, moved)):
         memory.add(f"ours {what}", _fastest(partial(counts.set_cells, before), partial(counts.set_cells, after)))
         memory.add(f"bits {what}", _fastest(list, partial(bits.blocked_words, after)))

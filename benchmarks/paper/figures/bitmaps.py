@@ -16,7 +16,6 @@ from benchmarks.paper.outcome import Outcome, Table
 from benchmarks.paper.shared_runs import the_question
 from benchmarks.paper.study import Study
 from common.robot.model import RobotModel
-from services.planner.core.lookup import BlockedCounts
 
 __all__ = ["Bitmap", "Maps", "measure", "tool_way"]
 
@@ -94,7 +93,7 @@ def _bitmap(study: Study, model: str) -> tuple[Bitmap, dict[str, str | float]]:
     parts, question = study.parts(model), the_question(study)
     planner = parts.motion_planner()
     roadmap = parts.roadmap
-    counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
+    counts = roadmap.counts(parts.grid)
     counts.set_cells(question.cells)
     raw = answer(parts, planner, question, Variant(model, "dijkstra", False, "paper"))
     smooth = answer(parts, planner, question, Variant(model, "dijkstra", True, "paper"))

@@ -29,7 +29,7 @@ I32 = NDArray[np.int32]
 Rules = Literal["checked", "paper"]
 SEARCHES = ("dijkstra", "astar", "bidirectional", "wavefront")  # the first three find equally short paths, the last the fewest neurons
 KINDS = {"dijkstra": DIJKSTRA, "astar": ASTAR, "wavefront": WAVEFRONT, "bidirectional": BIDIRECTIONAL}
-FREE_OF_CHARGE = Near(np.empty((0, 0), dtype=np.int32), np.empty((0, 0), dtype=np.int32), np.empty(0))  # by the paper's rules
+FREE_OF_CHARGE = Near(np.empty(0, dtype=np.uint64), np.empty(0, dtype=np.uint64), 0, np.empty(0))  # by the paper's rules
 MORE_POINTS = 64  # that shortcuts may add to a path
 REFINE_STATE = (1, 2, 3, 4)  # of the generator of shortcuts; any that is not all zero
 N_CONNECTIONS = 24  # nearest free neurons that start and goal may join; our choice
@@ -140,7 +140,7 @@ class PathFinder:
         """What the kernels are told of a question: map, what is blocked, checks, ends."""
         c = self.checker
         near = world.counts.near
-        counts = (world.counts.node, edge_count, Near(near.node, near.edge, self.surcharges))
+        counts = (world.counts.node, edge_count, Near(near.node, near.edge, near.n_bits, 1.0 + self.surcharges))
         checks = (c.arm, c.solids, world.cells, c.safety_m, c.step_m)
         return (KINDS[search], self.roadmap.graph, *counts, *checks, q_start, q_goal)
 

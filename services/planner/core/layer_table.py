@@ -22,6 +22,8 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
 U16 = NDArray[np.uint16]
+U64 = NDArray[np.uint64]
+WORD_BITS = 64
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,24 +79,37 @@ NO_LAYERS = LayerTable(np.empty(0), np.zeros(3, dtype=np.int64), 1, _NO_ROWS, _N
 
 
 class Near(NamedTuple):
-    """What the searches are told of clearance; with no surcharge it costs nothing."""
+    """What the searches are told of clearance."""
 
-    node: I32  # (N, L) occupied blocks in each band of a neuron
-    edge: I32  # (M, L) the same of an edge beyond its ends
-    surcharge: F64  # (L,) share by which an edge in that band costs more
+    node: U64  # (N,) occupied blocks by band of a neuron, as in NearCounts
+    edge: U64  # (M,) of an edge, those that are nearer to it than to its ends
+    n_bits: int  # of a band's share in a count
+    factor: F64  # (L,) by band, how many times an edge in it costs its length; empty: all cost their length
 
 
 class NearCounts:
     """How many occupied blocks lie in each band of each neuron and edge: the layers' view of one world.
 
+    The counts of all bands share one word, the lowest band in the lowest ``n_bits``: so a search sees with one look whether anything is
+    near, and what is nearest to any of three things in the OR of their counts.
+
+    Attributes:
+        node, edge: (N,), (M,) uint64. n_bits: of a band's share.
+
     Args:
         table: the layers. n_neurons, n_edges: of the map.
+
+    Raises:
+        ValueError: more blocks than can be counted.
     """
 
     def __init__(self, table: LayerTable, n_neurons: int, n_edges: int) -> None:
         self._table = table
-        self.node = np.zeros((n_neurons, table.n_bands), dtype=np.int32)
-        self.edge = np.zeros((n_edges, table.n_bands), dtype=np.int32)
+        self.n_bits = WORD_BITS // max(1, table.n_bands)
+        if table.n_blocks >> self.n_bits:
+            raise ValueError(f"{table.n_blocks} blocks in {table.n_bands} layers: at most {(1 << self.n_bits) - 1} can be counted")
+        self.node = np.zeros(n_neurons, dtype=np.uint64)
+        self.edge = np.zeros(n_edges, dtype=np.uint64)
         self._block_count = np.zeros(table.n_blocks, dtype=np.int32)
 
     def change(self, appeared: I32, gone: I32) -> None:
@@ -104,7 +119,7 @@ class NearCounts:
             return
         for cells, sign in ((appeared, 1), (gone, -1)):
             change_layers(
-                cells, sign, t.cells_shape, t.block_cells, self._block_count,
+                cells, sign, t.cells_shape, t.block_cells, self._block_count, t.n_bands, self.n_bits,
                 t.node_offset, t.node_owner, self.node, t.edge_offset, t.edge_owner, self.edge,
             )  # fmt: skip
 
@@ -113,20 +128,3 @@ class NearCounts:
         twin = NearCounts(self._table, 0, 0)
         twin.node, twin.edge, twin._block_count = self.node.copy(), self.edge.copy(), self._block_count.copy()
         return twin
-
-    def node_band(self) -> I64:
-        """(N,) the lowest band in which something is, ``n_bands`` where nothing is near."""
-        return _lowest(self.node)
-
-    def edge_band(self, edges: I32) -> I64:
-        """(M,) the same for ``edges`` (M, 2), their ends included."""
-        node = self.node_band()
-        return np.asarray(np.minimum(_lowest(self.edge), node[edges].min(axis=1)))
-
-
-def _lowest(count: I32) -> I64:
-    """(K,) the first column of ``count`` (K, L) that is above zero, L if none is."""
-    lowest = np.full(len(count), count.shape[1], dtype=np.int64)
-    for k in reversed(range(count.shape[1])):
-        lowest[count[:, k] > 0] = k
-    return lowest

@@ -20,7 +20,7 @@ from common.geometry.grid import Grid
 from services.planner.core.layer_table import NO_LAYERS, LayerTable, NearCounts
 from services.planner.core.rows import flat_rows, owners_in, rows_of_flat, transposed
 from services.planner.kernels.collision import Arm
-from services.planner.kernels.lookup import change_counts, count_rows, edge_extra_cells, node_cells
+from services.planner.kernels.lookup import change_counts, count_rows, difference, edge_extra_cells, exposed_cells, node_cells
 
 __all__ = [
     "N_THREADS",
@@ -220,9 +220,17 @@ class BlockedCounts:
     """How many occupied cells block each neuron and each edge: the map's view of one world.
 
     A neuron is blocked while its count is above zero; an edge while its own count or that of one of its ends is.
+
+    Cells that are enclosed, all 26 around them occupied, are not counted: an arm that reaches one passes through those about it, since it
+    is in one piece and stands on cells that are never occupied (``table.unavoidable``). In the questions of the benchmark that is two
+    cells in five.
+
+    Args:
+        table: of the map. n_neurons, n_edges: of the map.
+        shape: of the grid; None: enclosed cells are counted as any.
     """
 
-    def __init__(self, table: LookupTable, n_neurons: int, n_edges: int) -> None:
+    def __init__(self, table: LookupTable, n_neurons: int, n_edges: int, shape: tuple[int, int, int] | None = None) -> None:
         self._table = table
         self.node = np.zeros(n_neurons, dtype=np.int32)
         self.edge = np.zeros(n_edges, dtype=np.int32)
@@ -230,16 +238,24 @@ class BlockedCounts:
         self.node[table.barred_nodes] = 1  # as if by a cell that never goes
         self.edge[table.barred_edges] = 1
         self.cells: I32 = np.empty(0, dtype=np.int32)
+        self._counted: I32 = self.cells
+        self._shape = None if shape is None or len(table.unavoidable) == 0 else np.array(shape, dtype=np.int64)  # else not sure of it
+        self._occupied = np.zeros(0 if self._shape is None else int(np.prod(self._shape + 2)), dtype=np.uint8)
 
     def set_cells(self, cells: I32) -> tuple[I32, I32]:
         """Make ``cells`` (ascending, unique) the occupied ones; cost follows the difference. Returns (appeared, gone)."""
-        appeared, gone = np.empty(len(cells), dtype=np.int32), np.empty(len(self.cells), dtype=np.int32)
         t = self._table
-        rows = (t.node_offset, t.node_owner, self.node, t.edge_offset, t.edge_owner, self.edge)
-        n_appeared, n_gone = change_counts(self.cells, cells, *rows, appeared, gone)
-        self.cells = cells
-        self.near.change(appeared[:n_appeared], gone[:n_gone])
-        return appeared[:n_appeared], gone[:n_gone]
+        appeared, gone = _difference(self.cells, cells)
+        if self._shape is None:
+            counted, more, less = cells, appeared, gone
+        else:
+            counted = np.empty_like(cells)
+            counted = counted[: exposed_cells(cells, appeared, gone, t.unavoidable, self._shape, self._occupied, counted)]
+            more, less = _difference(self._counted, counted)
+        change_counts(more, less, t.node_offset, t.node_owner, self.node, t.edge_offset, t.edge_owner, self.edge)
+        self.near.change(more, less)
+        self.cells, self._counted = cells, counted
+        return appeared, gone
 
     @property
     def n_blocked(self) -> int:
@@ -249,6 +265,13 @@ class BlockedCounts:
     def without(self, cells: I32) -> BlockedCounts:
         """A copy in which ``cells`` (a subset of the occupied ones) count as empty."""
         fewer = copy(self)
-        fewer.node, fewer.edge, fewer.near = self.node.copy(), self.edge.copy(), self.near.copy()
+        fewer.node, fewer.edge, fewer.near, fewer._occupied = self.node.copy(), self.edge.copy(), self.near.copy(), self._occupied.copy()
         fewer.set_cells(np.setdiff1d(self.cells, cells, assume_unique=True))
         return fewer
+
+
+def _difference(before: I32, after: I32) -> tuple[I32, I32]:
+    """What only ``after`` has, and what only ``before`` has; all ascending."""
+    appeared, gone = np.empty(len(after), dtype=np.int32), np.empty(len(before), dtype=np.int32)
+    n_appeared, n_gone = difference(before, after, appeared, gone)
+    return appeared[:n_appeared], gone[:n_gone]

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
+from common.geometry.grid import Grid
 from services.planner.core.cognitive_map import CognitiveMap
-from services.planner.core.lookup import LookupTable
+from services.planner.core.lookup import BlockedCounts, LookupTable
 from services.planner.core.neuron_index import index_neurons
 from services.planner.kernels.connect import Graph
 from services.planner.kernels.neuron_index import NeuronIndex
@@ -42,7 +44,7 @@ class Roadmap:
     table: LookupTable
     model: str
 
-    @property
+    @cached_property
     def graph(self) -> Graph:
         """The map as the searches see it."""
         return Graph(self.neurons_rad, self.adj_offset, self.adj_node, self.adj_edge, self.adj_length, self.index)
@@ -67,6 +69,10 @@ class Roadmap:
             table=table,
             model=model,
         )
+
+    def counts(self, grid: Grid) -> BlockedCounts:
+        """What is blocked in a world of this grid; empty as yet."""
+        return BlockedCounts(self.table, self.n_neurons, self.n_edges, grid.shape)
 
     def edge_between(self, a: int, b: int) -> int:
         """Index of the edge between two neurons.

@@ -27,7 +27,7 @@ class Vision:
 
     def __init__(self, grid: Grid, roadmap: Roadmap, *, unavoidable_frames: int) -> None:
         self.grid = grid
-        self.counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
+        self.counts = roadmap.counts(grid)
         self._unavoidable = roadmap.table.unavoidable
         self._unavoidable_frames = unavoidable_frames
         self._frames_in_reach = 0

@@ -36,21 +36,35 @@ def _spread(n):  # type: ignore[no-untyped-def]
     return (n | (n << 2)) & 0x249249249249
 
 
+@njit(cache=True, nogil=True, inline="always")
+def _gather(n):  # type: ignore[no-untyped-def]
+    """What :func:`_spread` spread; bits between are ignored."""
+    n &= 0x249249249249
+    n = (n | (n >> 2)) & 0x0C30C30C30C3
+    n = (n | (n >> 4)) & 0x00F00F00F00F
+    n = (n | (n >> 8)) & 0x0000FF0000FF
+    return (n | (n >> 16)) & 0xFFFF
+
+
 @njit(cache=True, nogil=True)
 def arrange_cells(cells, origin_m, shape, resolution_m, flat, centre_m, block_m, group_m):  # type: ignore[no-untyped-def]
     """Fill ``flat``, ``centre_m``, ``block_m`` and ``group_m`` of :class:`Cells` from flat indices ``cells`` (C,) in any order."""
     ny, nz = shape[1], shape[2]
     code = np.empty(len(cells), dtype=np.int64)
+    row_begin, row_code = nz * ny * shape[0], 0
     for i in range(len(cells)):
-        z, y, x = cells[i] % nz, (cells[i] // nz) % ny, cells[i] // (nz * ny)
-        code[i] = (_spread(x) << 2) | (_spread(y) << 1) | _spread(z)
-    order = np.argsort(code)
+        if not row_begin <= cells[i] < row_begin + nz:  # cells mostly come row by row
+            row = cells[i] // nz
+            row_begin, row_code = row * nz, (_spread(row // ny) << 2) | (_spread(row % ny) << 1)
+        code[i] = row_code | _spread(cells[i] - row_begin)
+    code.sort()
     for i in range(len(cells)):
-        cell = cells[order[i]]
+        x, y, z = _gather(code[i] >> 2), _gather(code[i] >> 1), _gather(code[i])
+        cell = (x * ny + y) * nz + z
         flat[i] = cell
-        centre_m[i, 0] = origin_m[0] + (cell // (nz * ny) + 0.5) * resolution_m
-        centre_m[i, 1] = origin_m[1] + ((cell // nz) % ny + 0.5) * resolution_m
-        centre_m[i, 2] = origin_m[2] + (cell % nz + 0.5) * resolution_m
+        centre_m[i, 0] = origin_m[0] + (x + 0.5) * resolution_m
+        centre_m[i, 1] = origin_m[1] + (y + 0.5) * resolution_m
+        centre_m[i, 2] = origin_m[2] + (z + 0.5) * resolution_m
     _bound_runs(centre_m, BLOCK, block_m)
     _bound_runs(centre_m, BLOCK * GROUP, group_m)
 

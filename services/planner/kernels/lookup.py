@@ -14,8 +14,9 @@ from numba import njit
 from common.robot.kernels import body_grid, forward_kinematics
 from services.planner.kernels.collision import ROOT3, cell_touches_body
 from services.planner.kernels.moves import segment_steps
+from services.planner.kernels.prefetch import AHEAD, fetch_row, prefetch
 
-__all__ = ["PAGE", "change_counts", "count_rows", "edge_extra_cells", "node_cells", "pose_cells"]
+__all__ = ["PAGE", "change_counts", "count_rows", "difference", "edge_extra_cells", "exposed_cells", "node_cells", "pose_cells"]
 
 PAGE = 1 << 16  # owners of a page of rows: as many as 16 bits tell apart
 
@@ -164,11 +165,8 @@ def count_rows(items, row_count):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def change_counts(before, after, node_offset, node_owner, node, edge_offset, edge_owner, edge, appeared, gone):  # type: ignore[no-untyped-def]
-    """Bring ``node`` (N,) and ``edge`` (M,) from the cells ``before`` to the cells ``after``, both ascending; cost follows the difference.
-
-    ``node_offset`` and ``edge_offset`` (pages, n_cells + 1). Fills ``appeared`` and ``gone``; returns how many there are of each.
-    """
+def difference(before, after, appeared, gone):  # type: ignore[no-untyped-def]
+    """What ``after`` has and ``before`` has not into ``appeared``, and the reverse into ``gone``, all ascending; how many of each."""
     i, k, n_appeared, n_gone = 0, 0, 0, 0
     while i < len(before) or k < len(after):
         if k == len(after) or (i < len(before) and before[i] < after[k]):
@@ -179,18 +177,73 @@ def change_counts(before, after, node_offset, node_owner, node, edge_offset, edg
             k, n_appeared = k + 1, n_appeared + 1
         else:
             i, k = i + 1, k + 1
-    _add_to_counts(appeared[:n_appeared], 1, node_offset, node_owner, node)
-    _add_to_counts(appeared[:n_appeared], 1, edge_offset, edge_owner, edge)
-    _add_to_counts(gone[:n_gone], -1, node_offset, node_owner, node)
-    _add_to_counts(gone[:n_gone], -1, edge_offset, edge_owner, edge)
     return n_appeared, n_gone
+
+
+@njit(cache=True, nogil=True)
+def exposed_cells(cells, appeared, gone, never, shape, occupied, out):  # type: ignore[no-untyped-def]
+    """Those of ``cells`` (C,) that are not enclosed: one of the 26 cells around is empty or outside of the grid.
+
+    Args:
+        cells: flat indices, ascending, of all that is occupied.
+        appeared, gone: how they differ from the last call's, ascending.
+        never: flat indices, ascending, of cells that count as empty whatever they are.
+        shape: (3,) of the grid.
+        occupied: the grid with a rim of empty cells, flat, uint8; kept from call to call.
+        out: (C,) the answer, ascending. Returns how many there are.
+    """
+    side_z, side_yz = shape[2] + 2, (shape[1] + 2) * (shape[2] + 2)
+    for changed, state in ((gone, 0), (appeared, 1), (never, 0)):
+        row_end, shift = -1, 0
+        for cell in changed:
+            if cell >= row_end:
+                row_end, shift = _row_in_rim(cell, shape, side_z, side_yz)
+            occupied[cell + shift] = state
+    n_out, row_end, shift = 0, -1, 0
+    for cell in cells:
+        if cell >= row_end:
+            row_end, shift = _row_in_rim(cell, shape, side_z, side_yz)
+        at = cell + shift
+        enclosed = occupied[at - 1] & occupied[at + 1] & occupied[at - side_z] & occupied[at + side_z]  # most cells show here already
+        if enclosed:
+            for dx in (-side_yz, 0, side_yz):
+                for dy in (-side_z, 0, side_z):
+                    enclosed &= occupied[at + dx + dy - 1] & occupied[at + dx + dy] & occupied[at + dx + dy + 1]
+        if not enclosed:
+            out[n_out] = cell
+            n_out += 1
+    return n_out
+
+
+@njit(cache=True, nogil=True, inline="always")
+def _row_in_rim(cell, shape, side_z, side_yz):  # type: ignore[no-untyped-def]
+    """Where the row of cells along z ends that ``cell`` is in, and how much larger its indices are in the grid that has a rim."""
+    row = cell // shape[2]
+    return (row + 1) * shape[2], (row // shape[1] + 1) * side_yz + (row % shape[1] + 1) * side_z + 1 - row * shape[2]
+
+
+@njit(cache=True, nogil=True)
+def change_counts(appeared, gone, node_offset, node_owner, node, edge_offset, edge_owner, edge):  # type: ignore[no-untyped-def]
+    """Take in that cells appeared and that others are gone: ``node`` (N,), ``edge`` (M,); cost follows these cells.
+
+    ``node_offset`` and ``edge_offset`` (pages, n_cells + 1).
+    """
+    _add_to_counts(appeared, 1, node_offset, node_owner, node)
+    _add_to_counts(appeared, 1, edge_offset, edge_owner, edge)
+    _add_to_counts(gone, -1, node_offset, node_owner, node)
+    _add_to_counts(gone, -1, edge_offset, edge_owner, edge)
 
 
 @njit(cache=True, nogil=True)
 def _add_to_counts(cells, sign, row_offset, row_owner, count):  # type: ignore[no-untyped-def]
     """Add ``sign`` to ``count`` of every owner in the rows of ``cells`` (C,). Cost follows the changed cells."""
+    n = len(cells)
     for page in range(len(row_offset)):
         offset, mine = row_offset[page], count[page * PAGE :]
-        for c in range(len(cells)):
-            for i in range(offset[cells[c]], offset[cells[c] + 1]):
-                mine[row_owner[i]] += sign
+        for c in range(n):
+            if c + 2 * AHEAD < n:
+                prefetch(offset, np.int64(cells[c + 2 * AHEAD]))
+            if c + AHEAD < n:
+                fetch_row(offset, row_owner, cells[c + AHEAD], cells[c + AHEAD] + 1)
+            for owner in row_owner[offset[cells[c]] : offset[cells[c] + 1]]:
+                mine[np.uint64(owner)] += sign  # unsigned, or each would be looked at whether it counts from the end: a third slower

@@ -65,10 +65,16 @@ def surcharged(length, near, n, m, edge):  # type: ignore[no-untyped-def]
 
     ``near``: :class:`services.planner.core.layer_table.Near`. Never less than the length, so A*'s bound stays admissible.
     """
-    for k in range(len(near.surcharge)):
-        if near.node[n, k] > 0 or near.node[m, k] > 0 or near.edge[edge, k] > 0:
-            return length * (1.0 + near.surcharge[k])
-    return length
+    if len(near.factor) == 0:
+        return length
+    counts = near.node[n] | near.node[m] | near.edge[edge]
+    if counts == 0:
+        return length
+    band, bits, of_a_band = 0, np.uint64(near.n_bits), np.uint64((1 << near.n_bits) - 1)
+    while counts & of_a_band == 0:
+        counts >>= bits
+        band += 1
+    return length * near.factor[band]
 
 
 @njit(cache=True, nogil=True)

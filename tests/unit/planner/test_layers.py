@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import coal
@@ -17,10 +18,10 @@ from services.planner.core.find import PathFinder
 from services.planner.core.growth import Addition, Ground, grown
 from services.planner.core.layer_table import NO_LAYERS, NearCounts
 from services.planner.core.layers import LayerRules, build_layers
-from services.planner.core.lookup import BlockedCounts, LookupTable, build_table
+from services.planner.core.lookup import BlockedCounts, LookupTable, build_table, cells_of_pose
 from services.planner.core.roadmap import Roadmap
 from services.planner.kernels.moves import segment_steps
-from tests.support.slow_layers import slow_pose_bands
+from tests.support.slow_layers import bands_of, lowest_band, slow_pose_bands
 
 GRID = Grid((-0.8, -0.8, 0.0), (41, 40, 25), 0.04)  # odd sides: the last blocks stick out
 BEYOND_M = [0.02, 0.05, 0.10]
@@ -114,6 +115,11 @@ def _recount(small, cells):
     return node, edge
 
 
+def _with_ends(near, edges):
+    """(M,) the band of each edge, its ends included."""
+    return np.minimum(lowest_band(near.edge, 3), lowest_band(near.node, 3)[edges].min(axis=1))
+
+
 CELLS = st.sets(st.integers(0, GRID.n_cells - 1), max_size=60)
 
 
@@ -124,10 +130,10 @@ def test_counts_follow_differences_and_equal_a_recount(small, frames):
     for frame in frames:
         counts.set_cells(np.array(sorted(frame), dtype=np.int32))
     node, edge = _recount(small, frames[-1])
-    assert np.array_equal(counts.near.node, node) and np.array_equal(counts.near.edge, edge)
+    assert np.array_equal(bands_of(counts.near.node, 3), node) and np.array_equal(bands_of(counts.near.edge, 3), edge)
     fewer = counts.without(np.array(sorted(frames[-1])[::2], dtype=np.int32))
     node_left, _ = _recount(small, sorted(frames[-1])[1::2])
-    assert np.array_equal(fewer.near.node, node_left) and np.array_equal(counts.near.node, node)
+    assert np.array_equal(bands_of(fewer.near.node, 3), node_left) and np.array_equal(bands_of(counts.near.node, 3), node)
 
 
 @settings(max_examples=40, deadline=None)
@@ -135,9 +141,24 @@ def test_counts_follow_differences_and_equal_a_recount(small, frames):
 def test_more_cells_never_raise_a_band(small, some, more):
     counts = BlockedCounts(_table(small), 8, 5)
     counts.set_cells(np.array(sorted(some), dtype=np.int32))
-    node, edge = counts.near.node_band(), counts.near.edge_band(small.edges)
+    node, edge = lowest_band(counts.near.node, 3), _with_ends(counts.near, small.edges)
     counts.set_cells(np.array(sorted(some | more), dtype=np.int32))
-    assert np.all(counts.near.node_band() <= node) and np.all(counts.near.edge_band(small.edges) <= edge)
+    assert np.all(lowest_band(counts.near.node, 3) <= node) and np.all(_with_ends(counts.near, small.edges) <= edge)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.tuples(*(st.integers(-8, 40) for _ in range(3)), *(st.integers(1, 30) for _ in range(3))), max_size=4))
+def test_enclosed_cells_change_no_band(bench, small, boxes):
+    swept = [set(cells_of_pose(small.arm, GRID, q, safety_m=0.02).tolist()) for q in small.q]
+    table = replace(_table(small), unavoidable=np.array(sorted(set.intersection(*swept)), dtype=np.int32))
+    full = np.zeros(GRID.shape, dtype=bool)
+    for x, y, z, nx, ny, nz in boxes:
+        full[max(0, x) : max(0, x + nx), max(0, y) : max(0, y + ny), max(0, z) : max(0, z + nz)] = True
+    outer, every = BlockedCounts(table, 8, 5, GRID.shape), BlockedCounts(table, 8, 5)
+    for counts in (outer, every):
+        counts.set_cells(np.setdiff1d(np.flatnonzero(full), table.unavoidable).astype(np.int32))
+    assert np.array_equal(lowest_band(outer.near.node, 3), lowest_band(every.near.node, 3))
+    assert np.array_equal(_with_ends(outer.near, small.edges), _with_ends(every.near, small.edges))
 
 
 def test_what_is_blocked_is_in_the_lowest_band(bench):
@@ -169,7 +190,7 @@ def test_grown_layers_equal_those_built_from_nothing(bench, small, n_new):
 def test_no_layers_cost_nothing(bench):
     counts = NearCounts(NO_LAYERS, 4, 2)
     counts.change(np.arange(5, dtype=np.int32), np.empty(0, dtype=np.int32))
-    assert counts.node.shape == (4, 0) and counts.node_band().tolist() == [0] * 4
+    assert counts.node.tolist() == [0] * 4
 
 
 def test_surcharges_need_their_layers(bench, small):

@@ -8,8 +8,9 @@ from hypothesis import strategies as st
 from common.geometry.grid import Grid
 from services.planner.core.lookup import BlockedCounts, build_table, cells_of_pose
 from services.planner.core.world import cells_of
+from services.planner.kernels.lookup import exposed_cells
 from services.planner.kernels.moves import segment_steps
-from tests.support.slow_planner import slow_counts, slow_pose_cells
+from tests.support.slow_planner import slow_counts, slow_exposed, slow_pose_cells
 
 
 @pytest.fixture(scope="module")
@@ -99,6 +100,55 @@ def test_without_is_a_copy(small):
     fresh.set_cells(cells[20:])
     assert np.array_equal(fewer.node, fresh.node) and np.array_equal(fewer.edge, fresh.edge)
     assert np.array_equal(counts.node, before)
+
+
+SIDES = st.tuples(*(st.integers(1, 30) for _ in range(3)))
+CORNERS = st.tuples(st.integers(-10, 39), st.integers(-10, 39), st.integers(-5, 24))
+
+
+def _filled(grid, boxes):
+    """Ascending cells of boxes of cells: (corner, sides)."""
+    full = np.zeros(grid.shape, dtype=bool)
+    for corner, sides in boxes:
+        full[tuple(slice(max(0, c), max(0, c + n)) for c, n in zip(corner, sides, strict=True))] = True
+    return np.flatnonzero(full).astype(np.int32)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.lists(st.tuples(CORNERS, SIDES), max_size=4), min_size=1, max_size=3))
+def test_enclosed_cells_need_not_be_counted(small, worlds):
+    """The same neurons and edges are blocked, also by what swallows the arm; and ways of being told of a world do not matter."""
+    grid, q, edges, table = small
+    outer, every = BlockedCounts(table, len(q), len(edges), grid.shape), BlockedCounts(table, len(q), len(edges))
+    for boxes in worlds:
+        cells = _filled(grid, boxes)
+        for a, b in zip(outer.set_cells(cells), every.set_cells(cells), strict=True):
+            assert np.array_equal(a, b)
+        assert np.array_equal(outer.node > 0, every.node > 0)
+        assert outer.node.sum() <= every.node.sum()
+        blocked, slow = ((c.edge > 0) | (c.node[edges] > 0).any(axis=1) for c in (outer, every))
+        assert np.array_equal(blocked, slow)
+    fresh = BlockedCounts(table, len(q), len(edges), grid.shape)
+    fresh.set_cells(outer.cells)
+    assert np.array_equal(fresh.node, outer.node) and np.array_equal(fresh.edge, outer.edge)
+    fewer = outer.without(outer.cells[::3])
+    fresh.set_cells(fewer.cells)
+    assert np.array_equal(fresh.node, fewer.node) and np.array_equal(fresh.edge, fewer.edge)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.lists(st.lists(st.tuples(CORNERS, SIDES), max_size=4), min_size=1, max_size=3), st.sets(st.integers(0, 39_999), max_size=50))
+def test_exposed_cells_equal_the_obvious(worlds, never):
+    grid = Grid((0.0, 0.0, 0.0), (40, 40, 25), 0.04)
+    shape, occupied = np.array(grid.shape), np.zeros(42 * 42 * 27, dtype=np.uint8)
+    empty = np.array(sorted(never), dtype=np.int32)
+    before = np.empty(0, dtype=np.int32)
+    for boxes in worlds:
+        cells = _filled(grid, boxes)
+        out = np.empty_like(cells)
+        n = exposed_cells(cells, np.setdiff1d(cells, before), np.setdiff1d(before, cells), empty, shape, occupied, out)
+        assert np.array_equal(out[:n], slow_exposed(cells, grid.shape, never))
+        before = cells
 
 
 def test_the_table_says_what_the_check_says(bench, small):

@@ -79,7 +79,7 @@ def test_counts_of_many_owners_are_those_of_plain_lists(neurons, edges, before, 
     counts = BlockedCounts(LookupTable(*rows, NO_CELLS, layers), n, m)
     for cells in (before, after):
         counts.set_cells(np.array(sorted(cells), dtype=np.int32))
-    for swept, *found in ((neurons, counts.node, counts.near.node[:, 0]), (edges, counts.edge, counts.near.edge[:, 0])):
+    for swept, *found in ((neurons, counts.node, counts.near.node), (edges, counts.edge, counts.near.edge)):
         expected = slow_counts(dict(enumerate(by_cell(swept))), after, len(found[0]))
         assert all(np.array_equal(count, expected) for count in found)
 
