@@ -43,7 +43,8 @@ I32 = NDArray[np.int32]
 Progress = Callable[[str, float], None]  # stage, share done 0..1
 
 STAGES = ("motions", "map", "prune", "table", "write")
-RULES_VERSION = 4  # raise when the same config would give another map
+RULES_VERSION = 4  # raise when the same config would give other motions
+MAP_VERSION = 5  # raise when the same motions would give another map
 
 
 def _silent(stage: str, share: float) -> None:
@@ -127,7 +128,9 @@ class Job:
     def fingerprints(self) -> dict[str, str]:
         """Of robot, grid, and config: static layer, motions, margins, layers, model and its parameters, recorded motions, extension."""
         layers = [self.config.clearance.layers_m, self.config.clearance.block_m]
-        config = _digest(self.motions_fingerprint, layers, parameters_of(self.config), self.config.model, _hashes(self.recorded))
+        config = _digest(
+            MAP_VERSION, self.motions_fingerprint, layers, parameters_of(self.config), self.config.model, _hashes(self.recorded)
+        )
         if self.problems:
             config = _digest(config, self.config.problems.n_samples, [p.digest for p in self.problems])
         if self.extension:
