@@ -159,7 +159,7 @@ def best_first(  # type: ignore[no-untyped-def]
 def _fetch_neighbours(n, neurons, adj_offset, adj_node, adj_edge, node_count, edge_count, near, cost):  # type: ignore[no-untyped-def]
     """Ask for all that will be read of the neighbours of ``n``, so that the waits for it run side by side.
 
-    Measured at 100 000 neurons: three quarters of the time, with :func:`_fetch_next`.
+    Measured at 100 000 neurons: 0.9 of the time at the median, 0.8 on average, with :func:`_fetch_next`.
     """
     for i in range(adj_offset[n], adj_offset[n + 1]):
         m = np.int64(adj_node[i])
