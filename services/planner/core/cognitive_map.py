@@ -55,6 +55,12 @@ class CognitiveMap:
         edges = self.edges[keep[self.edges].all(axis=1)]
         return CognitiveMap(self.q_rad[keep], number[edges].astype(np.int32).reshape(-1, 2))
 
+    def renumbered(self, order: NDArray[np.integer]) -> CognitiveMap:
+        """The same map with the neuron ``order[k]`` as number k; ``order`` (N,) is a permutation."""
+        number = np.empty(self.n_neurons, dtype=np.int64)
+        number[order] = np.arange(self.n_neurons)
+        return CognitiveMap.of(self.q_rad[order], number[self.edges])
+
     def best_match(self, q_rad: F64) -> I32:
         """Index of the nearest neuron for each of (K, J) configurations; ties go to the lower index."""
         q = np.atleast_2d(np.asarray(q_rad, dtype=np.float64))

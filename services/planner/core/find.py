@@ -14,6 +14,7 @@ from services.planner.core.found import FoundPath, NotFound, path_length
 from services.planner.core.layer_table import Near
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import World
+from services.planner.kernels.buckets import queue_length
 from services.planner.kernels.connect import ASTAR, BIDIRECTIONAL, DIJKSTRA, WAVEFRONT, Ends, Scratch, best_way, connect, join_ends
 from services.planner.kernels.neuron_index import nearest_free
 from services.planner.kernels.refine import refine
@@ -89,7 +90,7 @@ class PathFinder:
             level=np.empty(n, dtype=np.int32),
             queue=np.empty(n, dtype=np.int32),
             heap_key=np.empty((2, capacity)),
-            heap_node=np.empty((2, capacity), dtype=np.int32),
+            heap_node=np.empty((2, queue_length(capacity)), dtype=np.int32),
             path=np.empty(n, dtype=np.int32),
         )
         self._none_blocked = np.zeros(n, dtype=np.int32)

@@ -26,6 +26,7 @@ from services.planner.core.cognitive_map import CognitiveMap, statistics
 from services.planner.core.layer_table import NO_LAYERS, LayerTable
 from services.planner.core.lookup import LookupTable
 from services.planner.offline import artefact
+from services.planner.offline.ahead import compile_ahead
 from services.planner.offline.config import MapConfig
 from services.planner.offline.extend import extend, refuse_lattice, samples_to_extend_by
 from services.planner.offline.finishing import CheckedMap, layer_rules, prune_grown, table_of
@@ -42,7 +43,8 @@ I32 = NDArray[np.int32]
 Progress = Callable[[str, float], None]  # stage, share done 0..1
 
 STAGES = ("motions", "map", "prune", "table", "write")
-RULES_VERSION = 4  # raise when the same config would give another map
+RULES_VERSION = 4  # raise when the same config would give other motions
+MAP_VERSION = 5  # raise when the same motions would give another map
 
 
 def _silent(stage: str, share: float) -> None:
@@ -126,7 +128,9 @@ class Job:
     def fingerprints(self) -> dict[str, str]:
         """Of robot, grid, and config: static layer, motions, margins, layers, model and its parameters, recorded motions, extension."""
         layers = [self.config.clearance.layers_m, self.config.clearance.block_m]
-        config = _digest(self.motions_fingerprint, layers, parameters_of(self.config), self.config.model, _hashes(self.recorded))
+        config = _digest(
+            MAP_VERSION, self.motions_fingerprint, layers, parameters_of(self.config), self.config.model, _hashes(self.recorded)
+        )
         if self.problems:
             config = _digest(config, self.config.problems.n_samples, [p.digest for p in self.problems])
         if self.extension:
@@ -260,7 +264,7 @@ def _samples(job: Job, progress: Progress, *, force: bool) -> tuple[Samples, int
     if force:
         for chunk in order.chunks:
             order.path(chunk).unlink(missing_ok=True)
-    made = make_motions(order, lambda share: progress("motions", share))
+    made = make_motions(order, lambda share: progress("motions", share), lambda: compile_ahead(job.scene, job.config))
     paths = [path for path in made if len(path)] + list(job.recorded)
     return resample(paths, job.config.motions.n_samples), len(paths)
 

@@ -14,6 +14,7 @@ from services.planner.config import PlannerConfig
 from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.layers import LayerRules, build_layers
 from services.planner.core.lookup import LookupTable, build_table
+from services.planner.core.neuron_index import in_order_of_place
 from services.planner.core.world import no_cells
 from services.planner.kernels.collision import FREE, Arm
 from services.planner.offline.pruning import prune, prune_lattice
@@ -34,7 +35,8 @@ class CheckedMap:
 
 
 def prune_grown(scene: Scene, config: PlannerConfig, grown: CognitiveMap, samples_rad: F64, n_neurons: int | None = None) -> CheckedMap:
-    """The map of the chosen model as :mod:`services.planner.offline.pruning` says: a gas is filled up, a lattice keeps to its lattice.
+    """The map of the chosen model as :mod:`services.planner.offline.pruning` says: a gas is filled up and numbered anew, a lattice
+    keeps to its lattice.
 
     Args:
         scene: what it must not hit.
@@ -69,7 +71,7 @@ def prune_grown(scene: Scene, config: PlannerConfig, grown: CognitiveMap, sample
         bridge_max_rad=m.bridge_max_rad,
         join_neighbours=m.join_neighbours,
     )
-    return CheckedMap(learned)
+    return CheckedMap(in_order_of_place(learned))
 
 
 def table_of(scene: Scene, config: PlannerConfig, learned: CognitiveMap, progress: Callable[[float], None]) -> LookupTable:

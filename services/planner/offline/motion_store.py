@@ -95,19 +95,22 @@ class MotionOrder:
         return MotionMaker(Scene.of(self.cell, self.margins), self.config)
 
 
-def make_motions(order: Order, progress: Callable[[float], None]) -> list[F64]:
-    """The paths (P, J) of all motions, by index; chunks that are there already are read, the others made and kept."""
+def make_motions(order: Order, progress: Callable[[float], None], meanwhile: Callable[[], None] = lambda: None) -> list[F64]:
+    """The paths (P, J) of all motions, by index; chunks that are there already are read, the others made and kept.
+
+    ``meanwhile`` is called while a first process makes the first chunk; it compiles what the others then find in the cache.
+    """
     kept = {chunk.start: _read_chunk(order, chunk) for chunk in order.chunks}
     missing = [chunk for chunk in order.chunks if kept[chunk.start] is None]
     n_done = len(order.chunks) - len(missing)
-    for start, paths in _make(order, missing):
+    for start, paths in _make(order, missing, meanwhile):
         kept[start] = paths
         n_done += 1
         progress(n_done / len(order.chunks))
     return [path for chunk in order.chunks for path in kept[chunk.start] or []]
 
 
-def _make(order: Order, missing: list[range]) -> Iterator[tuple[int, list[F64]]]:
+def _make(order: Order, missing: list[range], meanwhile: Callable[[], None]) -> Iterator[tuple[int, list[F64]]]:
     """Chunks as they get done: here if one process is enough, else in worker processes that end with this generator."""
     n_workers = min(order.n_workers, len(missing))
     if n_workers == 0:
@@ -119,7 +122,10 @@ def _make(order: Order, missing: list[range]) -> Iterator[tuple[int, list[F64]]]
         return
     executor = ProcessPoolExecutor(n_workers, mp_context=multiprocessing.get_context("spawn"), initializer=_start_worker, initargs=(order,))
     try:
-        running: dict[Future[list[F64]], int] = {executor.submit(_work, chunk): chunk.start for chunk in missing}
+        first = executor.submit(_work, missing[0])
+        meanwhile()
+        yield missing[0].start, first.result()
+        running: dict[Future[list[F64]], int] = {executor.submit(_work, chunk): chunk.start for chunk in missing[1:]}
         while running:
             done, _ = wait(running, return_when=FIRST_COMPLETED)
             for future in done:

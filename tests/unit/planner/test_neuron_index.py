@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.spatial import KDTree
 
-from services.planner.core.neuron_index import index_neurons
+from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.neuron_index import in_order_of_place, index_neurons
 from services.planner.kernels.neuron_index import nearest_free
 
 
@@ -49,3 +51,22 @@ def test_few_are_looked_at():
     leaves = len(tree.leaf_offset) - 1
     apart = np.maximum(np.maximum(tree.low_rad[-leaves:] - q, q - tree.high_rad[-leaves:]), 0.0)
     assert np.mean(np.linalg.norm(apart, axis=1) <= worst) < 0.35
+
+
+def test_a_map_in_order_of_place_is_the_same_map_with_near_neurons_together():
+    rng = np.random.default_rng(3)
+    q = rng.normal(size=(2000, 6))
+    _, near = KDTree(q).query(q, k=4)
+    learned = CognitiveMap.of(q, np.array([(i, j) for i in range(len(q)) for j in near[i, 1:]]))
+    placed = in_order_of_place(learned)
+
+    def ends(m):
+        return {tuple(sorted((tuple(m.q_rad[a]), tuple(m.q_rad[b])))) for a, b in m.edges}
+
+    def apart(m):
+        return np.median(np.abs(np.diff(m.edges, axis=1)))
+
+    assert ends(placed) == ends(learned) and len(placed.edges) == len(learned.edges)
+    assert sorted(map(tuple, placed.q_rad)) == sorted(map(tuple, q))
+    assert apart(placed) < 0.25 * apart(learned)
+    np.testing.assert_array_equal(in_order_of_place(placed).q_rad, placed.q_rad)

@@ -14,13 +14,14 @@ from services.planner.core.layer_table import Near
 from services.planner.core.lookup import LookupTable
 from services.planner.core.roadmap import Roadmap
 from services.planner.kernels.bidirectional import both_ends
+from services.planner.kernels.buckets import queue_length
 from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
 from tests.support.slow_layers import bands_of
 from tests.support.slow_planner import slow_dijkstra
 
 
-def _roadmap(n, seed):
-    q = np.random.default_rng(seed).normal(size=(n, 3))
+def _roadmap(n, seed, spread=1.0):
+    q = np.random.default_rng(seed).normal(size=(n, 3)) * spread
     _, near = KDTree(q).query(q, k=4)
     learned = CognitiveMap.of(q, np.array([(i, j) for i in range(n) for j in near[i, 1:]]))
     empty = LookupTable(*(np.zeros((1, 2), dtype=np.int64), np.empty(0, dtype=np.uint16)) * 2, np.empty(0, dtype=np.int32))
@@ -30,15 +31,17 @@ def _roadmap(n, seed):
 def _shortest(r, search, node, edge, starts, goals, q_goal, near=FREE_OF_CHARGE):
     """Path or None, its cost, neurons settled; by one of ``SEARCHES`` that finds shortest paths."""
     n, m = r.n_neurons, r.n_edges
-    size = max(len(starts), len(goals)) + 2 * m + n + 1
     path = np.empty(n, dtype=np.int32)
     graph = (r.adj_offset, r.adj_node, r.adj_edge, r.adj_length, node, edge, near)
     ends = [np.array(list(part), dtype=kind) for d in (starts, goals) for part, kind in ((d, np.int32), (d.values(), np.float64))]
-    scratch = [np.empty((2, k), dtype=kind) for k in (n, size) for kind in (np.float64, np.int32)]
     if search == "bidirectional":
+        size = max(len(starts), len(goals)) + 2 * m + n + 1
+        scratch = [np.empty((2, k), dtype=kind) for k in (n, size) for kind in (np.float64, np.int32)]
         k, cost, settled = both_ends(*graph, *ends, *scratch, path)
     else:
-        k, cost, settled = best_first(r.neurons_rad, *graph, *ends, q_goal, search == "astar", *(s[0] for s in scratch), path)
+        size = len(starts) + n + int(np.diff(r.adj_offset).max())  # no more room than it says it needs: it must tidy up
+        scratch = [np.empty(n), np.empty(n, dtype=np.int32), np.empty(size), np.empty(queue_length(size), dtype=np.int32)]
+        k, cost, settled = best_first(r.neurons_rad, *graph, *ends, q_goal, search == "astar", *scratch, path)
     return (None if k == NOT_FOUND else path[:k]), cost, settled
 
 
@@ -50,13 +53,14 @@ def test_every_search_is_compared_here():
 
 
 @settings(max_examples=120, deadline=None)
-@given(st.integers(0, 10_000), st.floats(0.0, 0.6), st.sampled_from(SHORTEST), st.floats(0.0, 0.3))
-def test_costs_equal_the_slow_twin(seed, share_blocked, search, share_banned):
-    r = _roadmap(80, seed)
+@given(st.integers(0, 10_000), st.floats(0.0, 0.6), st.sampled_from(SHORTEST), st.floats(0.0, 0.3), st.sampled_from([0.05, 1.0, 30.0]))
+def test_costs_equal_the_slow_twin(seed, share_blocked, search, share_banned, spread):
+    """Also where all keys fall into one or two buckets, and where they reach far beyond the last one."""
+    r = _roadmap(80, seed, spread)
     rng = np.random.default_rng(seed)
     node = (rng.random(80) < share_blocked).astype(np.int32)
     edge = (rng.random(r.n_edges) < share_blocked / 3).astype(np.int32)
-    q_goal = rng.normal(size=3)
+    q_goal = rng.normal(size=3) * spread
     starts = {int(k): float(rng.random()) for k in rng.choice(80, 6, replace=False)}
     goals = {int(k): float(np.linalg.norm(r.neurons_rad[k] - q_goal)) for k in rng.choice(80, 6, replace=False)}
     for joins in (starts, goals):

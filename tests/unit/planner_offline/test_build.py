@@ -110,11 +110,18 @@ def test_a_map_can_be_built_without_layers(small: PlannerConfig, built: build.Bu
     assert build.run(plain)[0].table.layers.n_bands == build.load(plain).table.layers.n_bands == 0
 
 
-def test_built_anew_by_two_processes_it_is_the_same_bytes(small: PlannerConfig, built: build.Built, tmp_path: Path) -> None:
+def test_built_anew_by_two_processes_it_is_the_same_bytes(
+    small: PlannerConfig, built: build.Built, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """While the first of them begins, the kernels of the later stages are compiled."""
+    ahead: list[Any] = []
+    real = build.compile_ahead
+    monkeypatch.setattr(build, "compile_ahead", lambda *args: ahead.append(real(*args)))
     two = msgspec.structs.replace(small, motions=msgspec.structs.replace(small.motions, n_workers=2))
     again, _ = build.run(Job.of(ur3_cell(), two, cache=tmp_path), force=True)
     assert again.path.name == built.path.name
     assert again.path.read_bytes() == built.path.read_bytes()
+    assert len(ahead) == 1
 
 
 def test_motions_go_on_where_they_were(job: Job, built: build.Built, monkeypatch: pytest.MonkeyPatch) -> None:
