@@ -79,7 +79,7 @@ class Scratch(NamedTuple):
     level: I32  # (N,)
     queue: I32  # (N,)
     heap_key: F64  # (2, K + 2 M + N + 1)
-    heap_node: I32  # the same
+    heap_node: I32  # (2, more): also the queue of buckets, see kernels.buckets
     path: I32  # (N,)
 
 
