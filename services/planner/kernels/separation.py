@@ -185,10 +185,12 @@ def speed_caps(arm, reach, cells, law, s, q, d1, speed, cap):  # type: ignore[no
     if len(cells.centre_m) == 0:
         return
     rotation, translation = np.empty((n, n_joints + 1, 3, 3)), np.empty((n, n_joints + 1, 3))
-    rate, apart = np.empty((n, n_bodies)), np.empty(n)
+    rate, apart, bound = np.empty((n, n_bodies)), np.empty(n), speed.copy()
     for i in range(n):
         forward_kinematics(arm.chain, q[i], rotation[i], translation[i])
         _body_rates(arm, d1[i], rotation[i], translation[i], rate[i])
-    for b in range(n_bodies):
+    for b in range(n_bodies - 1, -1, -1):  # from the tool, the fastest: where it is slowed, others need less room
         if arm.moving[b]:
-            _cap_body(arm, reach, cells, law, s, b, rate, speed, rotation, translation, apart, cap)
+            _cap_body(arm, reach, cells, law, s, b, rate, bound, rotation, translation, apart, cap)
+            for i in range(n):
+                bound[i] = min(bound[i], math.sqrt(cap[i]))
