@@ -21,12 +21,12 @@ from common.cell import SolidConfig
 from common.geometry.transforms import rpy_matrix
 from common.robot.kernels import FAR, TENTH_MM, BodyGrids
 
-__all__ = ["GRID_REACH_M", "GRID_SPACING_M", "Body", "box_mesh", "build_grids", "cylinder_mesh", "mesh_of_solid", "sphere_mesh"]
+__all__ = ["GRID_REACH_M", "Body", "box_mesh", "build_grids", "cylinder_mesh", "mesh_of_solid", "sphere_mesh"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
-GRID_SPACING_M = 0.005  # our choice: rounding stays below a quarter of a 2 cm cell, the grids of an arm below 3 MB
+COVER_VOXEL_M = 0.005  # of the grids that spheres are chosen in: finer ones find the way into hollow meshes; our choice
 GRID_REACH_M = FAR + 0.005  # what lies beyond the grid is farther than FAR even after rounding down
 SPHERE_OVERSHOOT_M = 0.008  # how far a cover sphere may stick out of the body; our choice
 SPHERE_RADIUS_MAX_M = 0.045  # so that a sphere's centre near another body still lies in that body's grid
@@ -114,16 +114,21 @@ def mesh_of_solid(solid: SolidConfig) -> tuple[F64, I32]:
     return vertices @ T[:3, :3].T + T[:3, 3], triangles
 
 
-def build_grids(bodies: tuple[Body, ...]) -> BodyGrids:
-    """Distance grids and sphere covers of all bodies. Takes about 10 s for a UR3 (libigl), hence cached by the caller."""
+def build_grids(bodies: tuple[Body, ...], voxel_m: float) -> BodyGrids:
+    """Distance grids, of voxels with edges of ``voxel_m``, and sphere covers of all bodies.
+
+    Takes about 10 s for a UR3 and voxels of 5 mm (libigl), hence cached by the caller.
+    """
     origins, shapes, distances, spheres, groups, parts = [], [], [], [], [], []
     for body in bodies:
-        origin, signed = _signed_distances(body)
-        lower_bound = signed - GRID_SPACING_M * np.sqrt(3.0) / 2.0  # a signed distance changes by at most the way gone
+        origin, signed = _signed_distances(body, voxel_m)
+        lower_bound = signed - voxel_m * np.sqrt(3.0) / 2.0  # a signed distance changes by at most the way gone
         stored = np.floor(np.clip(lower_bound, -3.0, 3.0) / TENTH_MM)
         origins.append(origin)
         shapes.append(signed.shape)
         distances.append(stored.astype(np.int16).ravel())
+        if voxel_m != COVER_VOXEL_M:
+            origin, signed = _signed_distances(body, COVER_VOXEL_M)
         ordered, group = _grouped(_sphere_cover(body, origin, signed))
         parts.append(_parts(body, origin, signed))
         spheres.append(ordered)
@@ -133,7 +138,7 @@ def build_grids(bodies: tuple[Body, ...]) -> BodyGrids:
     radii = [float(np.linalg.norm(b.vertices - c, axis=1).max()) for b, c in zip(bodies, centres, strict=True)]
     return BodyGrids(
         body_joint=np.array([b.joint for b in bodies], dtype=np.int64),
-        spacing_m=GRID_SPACING_M,
+        spacing_m=voxel_m,
         origin_m=np.array(origins),
         shape=np.array(shapes, dtype=np.int64),
         offset=_offsets([len(d) for d in distances]),
@@ -170,7 +175,7 @@ def _grouped(spheres: F64) -> tuple[F64, F64]:
 def _parts(body: Body, origin: F64, signed: F64) -> F64:
     """(Q, 4) spheres that contain all of a body, inner voxels and surface; halved across the longest extent until they are small."""
     points = np.vstack([_centres(origin, np.argwhere(_filled(signed))), _surface_samples(body)])
-    return _halved(points, SAMPLE_GAP_M + GRID_SPACING_M * np.sqrt(3.0) / 2.0)
+    return _halved(points, SAMPLE_GAP_M + COVER_VOXEL_M * np.sqrt(3.0) / 2.0)
 
 
 def _halved(points: F64, room: float) -> F64:
@@ -184,12 +189,12 @@ def _halved(points: F64, room: float) -> F64:
     return np.vstack([_halved(points[low], room), _halved(points[~low], room)])
 
 
-def _signed_distances(body: Body) -> tuple[F64, F64]:
+def _signed_distances(body: Body, voxel_m: float) -> tuple[F64, F64]:
     """Grid origin (3,) and signed distances (nx, ny, nz) at the voxel centres of a body's grid."""
     low = body.vertices.min(axis=0) - GRID_REACH_M
     high = body.vertices.max(axis=0) + GRID_REACH_M
-    shape = np.ceil((high - low) / GRID_SPACING_M).astype(int)
-    axes = [low[k] + (np.arange(shape[k]) + 0.5) * GRID_SPACING_M for k in range(3)]
+    shape = np.ceil((high - low) / voxel_m).astype(int)
+    axes = [low[k] + (np.arange(shape[k]) + 0.5) * voxel_m for k in range(3)]
     points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
     signed = igl.signed_distance(
         points,
@@ -208,7 +213,7 @@ def _sphere_cover(body: Body, origin: F64, signed: F64) -> F64:
     """
     inside = _filled(signed)
     surface = _surface_samples(body)
-    surface = surface[cKDTree(_centres(origin, np.argwhere(~inside))).query(surface)[0] <= GRID_SPACING_M * np.sqrt(3.0)]
+    surface = surface[cKDTree(_centres(origin, np.argwhere(~inside))).query(surface)[0] <= COVER_VOXEL_M * np.sqrt(3.0)]
     centres = _centres(origin, np.argwhere(inside))
     depth = cKDTree(surface).query(centres)[0]
     order = np.argsort(-depth, kind="stable")[:: max(1, len(depth) // COVER_CANDIDATES)]
@@ -233,7 +238,7 @@ def _sphere_cover(body: Body, origin: F64, signed: F64) -> F64:
 
 
 def _centres(origin: F64, ijk: NDArray[np.intp]) -> F64:
-    return origin + (ijk + 0.5) * GRID_SPACING_M
+    return origin + (ijk + 0.5) * COVER_VOXEL_M
 
 
 def _filled(signed: F64) -> NDArray[np.bool_]:
