@@ -37,7 +37,9 @@ F64 = NDArray[np.float64]
 
 MAX_ITERATIONS = 3000  # of RRTConnect; our choice: what takes longer leads through too narrow a place to be met often
 SHORTCUTS = 10  # as for the motions of a cell
-FIELD_M = 0.04  # of the scene's field of distances, which serves one motion; measured: 1.4 s of 1 cm, 0.03 s, and planning takes no longer
+# Of the scene's field of distances, which serves one motion. Measured over 24 motions: filling it takes 1.4 s a scene with 1 cm, 0.03 s
+# with 4 cm; the search takes 0.02 to 0.04 s.
+FIELD_M = 0.04
 MOVES = 8  # draws of a moved scene until one leaves both ends free; our choice
 
 
