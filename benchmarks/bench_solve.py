@@ -8,19 +8,18 @@ inflation that we plan in. What we solved ourselves counts as solvable there; by
 from __future__ import annotations
 
 import argparse
-import json
+import hashlib
 import sys
 from collections.abc import Iterator
-from dataclasses import asdict
 from itertools import groupby
 from pathlib import Path
-from typing import Any
 
 from rich.progress import track
 
 from benchmarks.answers import fallback_of
 from benchmarks.provenance import provenance
-from benchmarks.solve_figures import figures, table
+from benchmarks.solve_figures import table
+from benchmarks.solve_report import Fold, SolveReport
 from benchmarks.solving import Record, Solver
 from clients.cli.options import add_cell_arguments
 from common.cell import load
@@ -50,29 +49,31 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--fold", type=int, default=None, metavar="K", help="of --folds: only the K-th, from 0")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="ask only every N-th of the problems (default all)")
     parser.add_argument("--limit", type=float, default=SOLVE_S, metavar="S", help="RRTConnect's time to show that a problem can be solved")
-    parser.add_argument("--json", type=Path, default=None, metavar="FILE")
+    parser.add_argument("--json", type=Path, default=None, metavar="FILE", help="written anew after each fold")
+    parser.add_argument("--go-on", action="store_true", help="with the folds that are in the --json FILE of an equal run already")
     add_cell_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Ask, judge, print, write."""
     whole = problem_job(*load(args.config, "planner", PlannerConfig, args.set), args.problems)
-    records: list[Record] = []
-    maps: list[dict[str, Any]] = []
-    for job, built, asked in _folds(args, whole):
-        chosen = asked[:: args.every]
-        records += _ask(parts_of(job, built), chosen, args.limit)
+    header = provenance(whole.config.problems.seed, plain(whole.config))
+    asked_of = hashlib.sha256(args.problems.read_bytes()).hexdigest()
+    report = SolveReport({**header, "problems_sha256": asked_of, "limit_s": args.limit, "folds": args.folds, "every": args.every})
+    if args.go_on:
+        if args.json is None or args.folds is None:
+            raise RequestError("--go-on needs the --json FILE that it goes on with, and --folds")
+        report.go_on(args.json)
+    for number, job, built, problems in _folds(args, whole, report):
+        asked = problems[:: args.every]
+        records = _ask(parts_of(job, built), asked, args.limit)
         seen = set(built.figures.get("problems", ()))
-        n_seen = sum(p.digest in seen for p in chosen)
-        maps.append({"sha256": built.sha256, "neurons": built.learned.n_neurons, "asked": len(chosen), "asked_and_trained_on": n_seen})
-    by_set = sorted(records, key=lambda r: r.set_name)
-    sets = {name: figures(list(group)) for name, group in groupby(by_set, key=lambda r: r.set_name)}
-    sets["all"] = figures(records)
-    print(table(sets))
-    if args.json is not None:
-        header = provenance(whole.config.problems.seed, plain(whole.config))
-        report = {**header, "limit_s": args.limit, "maps": maps, "sets": sets, "problems": [asdict(r) for r in records]}
-        args.json.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+        n_seen = sum(p.digest in seen for p in asked)
+        facts = {"sha256": built.sha256, "neurons": built.learned.n_neurons, "asked": len(asked), "asked_and_trained_on": n_seen}
+        report.folds.append(Fold({"fold": number, **facts}, records))
+        if args.json is not None:
+            report.write(args.json)
+    print(table(report.sets))
     return 0
 
 
@@ -84,19 +85,21 @@ def _ask(parts: Parts, problems: list[TrainingProblem], limit_s: float) -> list[
         return [solver.ask(p.problem) for p in track(problems, "problems", transient=True, disable=not sys.stderr.isatty())]
 
 
-def _folds(args: argparse.Namespace, job: Job) -> Iterator[tuple[Job, Built, list[TrainingProblem]]]:
-    """For each map: its job, itself, and what it is asked."""
+def _folds(args: argparse.Namespace, job: Job, report: SolveReport) -> Iterator[tuple[int | None, Job, Built, list[TrainingProblem]]]:
+    """For each map that is to be asked: the fold's number, its job, itself, and what it is asked."""
     if args.folds is None:
         if args.fold is not None:
             raise RequestError("--fold says which of --folds; without --folds there is none")
-        yield job, _made(job) if args.map is None else load_file(job, args.map, job.scene_fingerprints), list(job.problems)
+        yield None, job, _made(job) if args.map is None else load_file(job, args.map, job.scene_fingerprints), list(job.problems)
         return
     if args.folds < 2 or (args.fold is not None and not 0 <= args.fold < args.folds):
         raise RequestError(f"--folds {args.folds} --fold {args.fold}: at least 2 folds, and one of 0 to folds - 1")
     for k in range(args.folds) if args.fold is None else [args.fold]:
+        if report.kept(k):
+            continue
         asked = {id(p) for _, group in groupby(job.problems, key=lambda p: p.problem.set_name) for p in list(group)[k :: args.folds]}
         trained = job.on([p for p in job.problems if id(p) not in asked])
-        yield trained, _made(trained), [p for p in job.problems if id(p) in asked]
+        yield k, trained, _made(trained), [p for p in job.problems if id(p) in asked]
 
 
 def _made(job: Job) -> Built:

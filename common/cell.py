@@ -46,7 +46,8 @@ class RobotConfig(Strict, frozen=True):
     ``tolman:<file>`` for our own descriptions. Limits given here narrow the URDF's.
 
     ``locked_joints``: side joints (fingers) frozen at a value, so that a serial arm remains. ``immobile_links``: stand in the static
-    layer and are not checked against it.
+    layer and are not checked against it. ``voxel_m``: edge of the voxels in which the distances to the arm's bodies are kept; they are
+    rounded down by up to its diagonal.
     """
 
     name: str
@@ -62,6 +63,8 @@ class RobotConfig(Strict, frozen=True):
     immobile_links: list[str] = []
     locked_joints: dict[str, float] = {}
     tool: ToolConfig = ToolConfig()
+    # Our choice: rounding stays below a quarter of a 2 cm cell, the grids of an arm below 3 MB.
+    voxel_m: Annotated[float, Meta(ge=0.001, le=0.01)] = 0.005
 
 
 class GridConfig(Strict, frozen=True):

@@ -26,7 +26,7 @@ from common.geometry.transforms import rpy_matrix
 from common.robot.kernels import BodyGrids, Chain, forward_kinematics_batch
 from common.robot.pair_tables import PairTables, build_pair_tables
 from common.robot.pairs import self_collision_pairs
-from common.robot.solids import GRID_REACH_M, GRID_SPACING_M, Body, build_grids, mesh_of_solid
+from common.robot.solids import GRID_REACH_M, Body, build_grids, mesh_of_solid
 from common.robot.urdf import load_bodies, load_kinematics, resolve
 
 __all__ = ["RobotModel", "cache_dir", "chain_of", "load_robot"]
@@ -140,7 +140,7 @@ def load_robot(config: RobotConfig) -> RobotModel:
     chain = chain_of(model, config)
     low, high, velocity = _limits(model, config)
     fingerprint = _fingerprint(config, bodies, chain, low, high, velocity)
-    grids, pairs, pair_usual_m, pair_tables = _cached_geometry(fingerprint, tuple(bodies), chain, low, high)
+    grids, pairs, pair_usual_m, pair_tables = _cached_geometry(fingerprint, tuple(bodies), chain, low, high, config.voxel_m)
     robot = RobotModel(
         name=config.name,
         joint_names=tuple(model.names)[1:],
@@ -222,8 +222,9 @@ def _limits(model: pin.Model, config: RobotConfig) -> tuple[F64, F64, F64]:
 
 
 def _fingerprint(config: RobotConfig, bodies: Sequence[Body], chain: Chain, *limits: F64) -> str:
-    digest = hashlib.sha256(f"{CACHE_VERSION} {GRID_SPACING_M} {GRID_REACH_M}".encode())
-    digest.update(msgspec.msgpack.encode(config, order="deterministic"))
+    digest = hashlib.sha256(f"{CACHE_VERSION} {config.voxel_m} {GRID_REACH_M}".encode())
+    rest = {name: value for name, value in msgspec.to_builtins(config, order="deterministic").items() if name != "voxel_m"}
+    digest.update(msgspec.msgpack.encode(rest))
     for body in bodies:
         digest.update(f"{body.name} {body.joint} {body.immobile}".encode())
         digest.update(body.vertices.tobytes())
@@ -233,12 +234,12 @@ def _fingerprint(config: RobotConfig, bodies: Sequence[Body], chain: Chain, *lim
     return digest.hexdigest()[:16]
 
 
-def _cached_geometry(fingerprint: str, bodies: tuple[Body, ...], chain: Chain, low: F64, high: F64) -> Geometry:
+def _cached_geometry(fingerprint: str, bodies: tuple[Body, ...], chain: Chain, low: F64, high: F64, voxel_m: float) -> Geometry:
     path = cache_dir() / f"geometry-{fingerprint}.npz"
     loaded = _read_cache(path)
     if loaded is not None:
         return loaded
-    grids = build_grids(bodies)
+    grids = build_grids(bodies, voxel_m)
     pairs, pair_usual_m = self_collision_pairs(bodies, chain, grids, low, high)
     tables = build_pair_tables(bodies, chain, grids, pairs)
     arrays: dict[str, Any] = {name: np.asarray(value) for name, value in grids._asdict().items()}

@@ -99,7 +99,7 @@ def with_payload_shape(robot: RobotModel, payload: Payload) -> RobotModel:
 def with_payload_grids(robot: RobotModel, payload: Payload) -> RobotModel:
     """The same with distances, but nothing known of what the box usually keeps from the links."""
     held = with_payload_shape(robot, payload)
-    return replace(held, grids=joined_grids(robot.grids, build_grids(held.bodies[-1:])))
+    return replace(held, grids=joined_grids(robot.grids, build_grids(held.bodies[-1:], robot.grids.spacing_m)))
 
 
 def with_payload(robot: RobotModel, payload: Payload) -> RobotModel:

@@ -21,12 +21,15 @@ from common.cell import SolidConfig
 from common.geometry.transforms import rpy_matrix
 from common.robot.kernels import FAR, TENTH_MM, BodyGrids
 
-__all__ = ["GRID_REACH_M", "GRID_SPACING_M", "Body", "box_mesh", "build_grids", "cylinder_mesh", "mesh_of_solid", "sphere_mesh"]
+__all__ = ["GRID_REACH_M", "Body", "box_mesh", "build_grids", "cylinder_mesh", "mesh_of_solid", "sphere_mesh"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 
-GRID_SPACING_M = 0.005  # our choice: rounding stays below a quarter of a 2 cm cell, the grids of an arm below 3 MB
+COVER_VOXEL_M = 0.005  # of the grids that spheres are chosen in: finer ones find the way into hollow meshes; our choice
+NEAR_M = 0.025  # finer grids are exact so far from the surface: a 2 cm cell's half diagonal and more; our choice
+IGL_SLACK_M = 1e-4  # measured: two of libigl's distances differ by up to 0.06 mm more than their points are apart
+BLOCK_VOXELS = 4  # along an edge, of the blocks by which they know what is farther; our choice
 GRID_REACH_M = FAR + 0.005  # what lies beyond the grid is farther than FAR even after rounding down
 SPHERE_OVERSHOOT_M = 0.008  # how far a cover sphere may stick out of the body; our choice
 SPHERE_RADIUS_MAX_M = 0.045  # so that a sphere's centre near another body still lies in that body's grid
@@ -114,15 +117,19 @@ def mesh_of_solid(solid: SolidConfig) -> tuple[F64, I32]:
     return vertices @ T[:3, :3].T + T[:3, 3], triangles
 
 
-def build_grids(bodies: tuple[Body, ...]) -> BodyGrids:
-    """Distance grids and sphere covers of all bodies. Takes about 10 s for a UR3 (libigl), hence cached by the caller."""
+def build_grids(bodies: tuple[Body, ...], voxel_m: float) -> BodyGrids:
+    """Distance grids, of voxels with edges of ``voxel_m``, and sphere covers of all bodies.
+
+    Takes about 10 s for a UR3 and voxels of 5 mm (libigl), hence cached by the caller.
+    """
     origins, shapes, distances, spheres, groups, parts = [], [], [], [], [], []
     for body in bodies:
-        origin, signed = _signed_distances(body)
-        lower_bound = signed - GRID_SPACING_M * np.sqrt(3.0) / 2.0  # a signed distance changes by at most the way gone
+        origin, signed = _signed_distances(body, COVER_VOXEL_M)
+        low, near = (origin, signed) if voxel_m == COVER_VOXEL_M else _near_distances(body, voxel_m)
+        lower_bound = near - voxel_m * np.sqrt(3.0) / 2.0  # a signed distance changes by at most the way gone
         stored = np.floor(np.clip(lower_bound, -3.0, 3.0) / TENTH_MM)
-        origins.append(origin)
-        shapes.append(signed.shape)
+        origins.append(low)
+        shapes.append(near.shape)
         distances.append(stored.astype(np.int16).ravel())
         ordered, group = _grouped(_sphere_cover(body, origin, signed))
         parts.append(_parts(body, origin, signed))
@@ -133,7 +140,7 @@ def build_grids(bodies: tuple[Body, ...]) -> BodyGrids:
     radii = [float(np.linalg.norm(b.vertices - c, axis=1).max()) for b, c in zip(bodies, centres, strict=True)]
     return BodyGrids(
         body_joint=np.array([b.joint for b in bodies], dtype=np.int64),
-        spacing_m=GRID_SPACING_M,
+        spacing_m=voxel_m,
         origin_m=np.array(origins),
         shape=np.array(shapes, dtype=np.int64),
         offset=_offsets([len(d) for d in distances]),
@@ -170,7 +177,7 @@ def _grouped(spheres: F64) -> tuple[F64, F64]:
 def _parts(body: Body, origin: F64, signed: F64) -> F64:
     """(Q, 4) spheres that contain all of a body, inner voxels and surface; halved across the longest extent until they are small."""
     points = np.vstack([_centres(origin, np.argwhere(_filled(signed))), _surface_samples(body)])
-    return _halved(points, SAMPLE_GAP_M + GRID_SPACING_M * np.sqrt(3.0) / 2.0)
+    return _halved(points, SAMPLE_GAP_M + COVER_VOXEL_M * np.sqrt(3.0) / 2.0)
 
 
 def _halved(points: F64, room: float) -> F64:
@@ -184,20 +191,44 @@ def _halved(points: F64, room: float) -> F64:
     return np.vstack([_halved(points[low], room), _halved(points[~low], room)])
 
 
-def _signed_distances(body: Body) -> tuple[F64, F64]:
+def _signed_distances(body: Body, voxel_m: float) -> tuple[F64, F64]:
     """Grid origin (3,) and signed distances (nx, ny, nz) at the voxel centres of a body's grid."""
+    low, shape = _box_of_grid(body, voxel_m)
+    return low, _signed(body, _centres(low, np.argwhere(np.ones(shape, dtype=bool)), voxel_m)).reshape(shape)
+
+
+def _near_distances(body: Body, voxel_m: float) -> tuple[F64, F64]:
+    """:func:`_signed_distances`, but only lower bounds of them beyond ``NEAR_M`` of the surface: from the middle of a block of voxels."""
+    low, shape = _box_of_grid(body, voxel_m)
+    blocks = tuple(-(-n // BLOCK_VOXELS) for n in shape)
+    middles = _centres(low, np.argwhere(np.ones(blocks, dtype=bool)), BLOCK_VOXELS * voxel_m)
+    within = (np.argwhere(np.ones((BLOCK_VOXELS,) * 3, dtype=bool)) - (BLOCK_VOXELS - 1) / 2.0) * voxel_m
+    away = np.linalg.norm(within, axis=1)
+    middle = _signed(body, middles)
+    signed = middle[:, None] - away - IGL_SLACK_M  # a signed distance changes by at most the way gone
+    near = np.abs(middle) < NEAR_M + away.max()
+    signed[near] = _signed(body, (middles[near, None] + within).reshape(-1, 3)).reshape(-1, len(within))
+    by_axis = signed.reshape(*blocks, BLOCK_VOXELS, BLOCK_VOXELS, BLOCK_VOXELS).transpose(0, 3, 1, 4, 2, 5)
+    whole = by_axis.reshape([n * BLOCK_VOXELS for n in blocks])
+    return low, np.ascontiguousarray(whole[: shape[0], : shape[1], : shape[2]])
+
+
+def _box_of_grid(body: Body, voxel_m: float) -> tuple[F64, tuple[int, ...]]:
+    """Lowest corner (3,) of a body's grid, and its shape."""
     low = body.vertices.min(axis=0) - GRID_REACH_M
     high = body.vertices.max(axis=0) + GRID_REACH_M
-    shape = np.ceil((high - low) / GRID_SPACING_M).astype(int)
-    axes = [low[k] + (np.arange(shape[k]) + 0.5) * GRID_SPACING_M for k in range(3)]
-    points = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)
+    return low, tuple(int(n) for n in np.ceil((high - low) / voxel_m))
+
+
+def _signed(body: Body, points_m: F64) -> F64:
+    """Signed distances (n,) of points (n, 3) in the body's joint frame."""
     signed = igl.signed_distance(
-        points,
+        points_m,
         np.ascontiguousarray(body.vertices),
         np.ascontiguousarray(body.triangles, dtype=np.int64),
         sign_type=igl.SIGNED_DISTANCE_TYPE_FAST_WINDING_NUMBER,
     )[0]
-    return low, np.asarray(signed, dtype=np.float64).reshape(tuple(shape))
+    return np.asarray(signed, dtype=np.float64)
 
 
 def _sphere_cover(body: Body, origin: F64, signed: F64) -> F64:
@@ -208,7 +239,7 @@ def _sphere_cover(body: Body, origin: F64, signed: F64) -> F64:
     """
     inside = _filled(signed)
     surface = _surface_samples(body)
-    surface = surface[cKDTree(_centres(origin, np.argwhere(~inside))).query(surface)[0] <= GRID_SPACING_M * np.sqrt(3.0)]
+    surface = surface[cKDTree(_centres(origin, np.argwhere(~inside))).query(surface)[0] <= COVER_VOXEL_M * np.sqrt(3.0)]
     centres = _centres(origin, np.argwhere(inside))
     depth = cKDTree(surface).query(centres)[0]
     order = np.argsort(-depth, kind="stable")[:: max(1, len(depth) // COVER_CANDIDATES)]
@@ -232,8 +263,8 @@ def _sphere_cover(body: Body, origin: F64, signed: F64) -> F64:
     return np.array(chosen)
 
 
-def _centres(origin: F64, ijk: NDArray[np.intp]) -> F64:
-    return origin + (ijk + 0.5) * GRID_SPACING_M
+def _centres(origin: F64, ijk: NDArray[np.intp], voxel_m: float = COVER_VOXEL_M) -> F64:
+    return origin + (ijk + 0.5) * voxel_m
 
 
 def _filled(signed: F64) -> NDArray[np.bool_]:

@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.robot.kernels import FAR, BodyGrids, Chain, forward_kinematics
-from common.robot.solids import GRID_SPACING_M
 
 __all__ = ["ArmState", "arm_at", "margins_of"]
 
@@ -39,5 +38,5 @@ def arm_at(chain: Chain, grids: BodyGrids, q_rad: F64, margin_m: F64, sigmas: fl
     forward_kinematics(chain, np.ascontiguousarray(q_rad, dtype=np.float64), rotation, translation)
     R, t = rotation[grids.body_joint], translation[grids.body_joint]
     centre = np.einsum("bij,bj->bi", R, grids.bound_centre_m) + t
-    radius = grids.bound_radius_m + GRID_SPACING_M * np.sqrt(3.0)  # a voxel answers for its nearest point: up to a diagonal too little
+    radius = grids.bound_radius_m + grids.spacing_m * np.sqrt(3.0)  # a voxel answers for its nearest point: up to a diagonal too little
     return ArmState(np.column_stack([centre, radius, margin_m, R.reshape(-1, 9), t]), sigmas)

@@ -71,12 +71,15 @@ def pair_levers(robot: RobotModel, lever_m: F64) -> F64:
     return pair_lever
 
 
-def solids_of(static: Sequence[SolidConfig]) -> Solids:
-    """The static layer as arrays, with its field of distances."""
+def solids_of(static: Sequence[SolidConfig], field_m: float = FIELD_SPACING_M) -> Solids:
+    """The static layer as arrays, with its field of distances, of voxels with edges of ``field_m``.
+
+    What the field says can be coarse, then the shapes themselves are asked more often: no verdict depends on it.
+    """
     if not static:
         return NO_SOLIDS
     placed = placed_solids(static)
-    field = _empty_field(static, placed[2], placed[3])
+    field = _empty_field(static, placed[2], placed[3], field_m)
     solids = Solids(*placed, field)
     fill_field(solids, field)
     return solids
@@ -105,11 +108,11 @@ def world_reach_m(static: Sequence[SolidConfig], rotation: F64) -> F64:
     return np.asarray(np.einsum("sab,sb->sa", np.abs(rotation), half))
 
 
-def _empty_field(static: Sequence[SolidConfig], rotation: F64, translation: F64) -> Field:
+def _empty_field(static: Sequence[SolidConfig], rotation: F64, translation: F64, field_m: float) -> Field:
     reach = world_reach_m(static, rotation)
     low, high = (translation - reach).min(axis=0), (translation + reach).max(axis=0)
-    shape = np.ceil((high - low + 2.0 * FIELD_MARGIN_M) / FIELD_SPACING_M).astype(np.int64)
-    return Field(np.empty(int(np.prod(shape)), dtype=np.float32), low - FIELD_MARGIN_M, shape, FIELD_SPACING_M, low, high)
+    shape = np.ceil((high - low + 2.0 * FIELD_MARGIN_M) / field_m).astype(np.int64)
+    return Field(np.empty(int(np.prod(shape)), dtype=np.float32), low - FIELD_MARGIN_M, shape, field_m, low, high)
 
 
 def _half_extent_m(solid: SolidConfig) -> list[float]:

@@ -119,8 +119,9 @@ class Job:
     def motions_fingerprint(self) -> str:
         """Of all that the made motions depend on, their problems aside."""
         if self.problems:
-            made = msgspec.structs.replace(self.config.problems, n_workers=1, n_neurons=4, n_samples=1)
-            return _digest(self.scene.robot.fingerprint, self.scene.grid.fingerprint, made, self.config.margins)
+            p, margins = self.config.problems, self.config.margins  # planned among shapes: no cell, and no margin to cells, plays a part
+            made = [p.motions_per_problem, p.random_share, p.turn_max_rad, p.shift_max_m, p.seed]
+            return _digest(self.scene.robot.fingerprint, made, margins.static_m, margins.self_m)
         motions = msgspec.structs.replace(self.config.motions, n_workers=1)
         return _digest(self.scene.robot.fingerprint, self.scene.grid.fingerprint, self.cell.static, motions, self.config.margins)
 

@@ -29,7 +29,7 @@ def problem_cell(cell: CellConfig, config: PlannerConfig) -> tuple[CellConfig, P
     x, y, z = p.gripper_m
     box = SolidConfig(name="gripper", shape="box", size_m=[x, y, z], position_m=(0.0, 0.0, z / 2.0))
     tool = ToolConfig(solids=[box], tcp_position_m=(0.0, 0.0, z))
-    robot = msgspec.structs.replace(cell.robot, tool=tool)
+    robot = msgspec.structs.replace(cell.robot, tool=tool, voxel_m=p.voxel_m)
     bare = msgspec.structs.replace(cell, robot=robot, static=[], poses={})
     margins = MarginsConfig(safety_m=p.safety_m, step_m=p.step_m, table_step_m=p.table_step_m, static_m=p.clearance_m, self_m=p.self_m)
     changed = msgspec.structs.replace(

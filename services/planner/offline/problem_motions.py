@@ -37,6 +37,9 @@ F64 = NDArray[np.float64]
 
 MAX_ITERATIONS = 3000  # of RRTConnect; our choice: what takes longer leads through too narrow a place to be met often
 SHORTCUTS = 10  # as for the motions of a cell
+# Of the scene's field of distances, which serves one motion. Measured over 24 motions: filling it takes 1.4 s a scene with 1 cm, 0.03 s
+# with 4 cm; the search takes 0.02 to 0.04 s.
+FIELD_M = 0.04
 MOVES = 8  # draws of a moved scene until one leaves both ends free; our choice
 
 
@@ -132,7 +135,7 @@ class ProblemMotionMaker:
         """RRTConnect among the shapes themselves: one distance field answers what would be tens of thousands of cells."""
         scene, parameters = self._scene, RrtParameters(max_iterations=MAX_ITERATIONS, shortcuts=SHORTCUTS)
         low, high = scene.robot.position_min_rad, scene.robot.position_max_rad
-        return RrtConnect(scene.arm, solids_of(solids), low, high, parameters)
+        return RrtConnect(scene.arm, solids_of(solids, FIELD_M), low, high, parameters)
 
     def _moved(self, training: TrainingProblem, rng: np.random.Generator) -> Problem | None:
         """The same scene somewhere else; None if an end cannot be reached there."""

@@ -24,12 +24,12 @@ from tests.support.repository import ROOT
 SUBSET = ROOT / "tests" / "data" / "motion_bench_maker_ur5.json"
 UR5 = ROOT / "deploy" / "config" / "ur5.toml"
 SOLVED = Record("s", 1, "solved", "solved", "map", "found", 2.0, 6.0, 5.0, False, 100)
-TINY = ["n_neurons=60", "n_samples=600", "motions_per_problem=1", "n_workers=1"]
+TINY = ["n_neurons=60", "n_samples=600", "motions_per_problem=1", "n_workers=1", "voxel_m=0.005"]
 
 
 @pytest.fixture(scope="module")
 def ur5() -> RobotModel:
-    cell, config = load(UR5, "planner", PlannerConfig)
+    cell, config = load(UR5, "planner", PlannerConfig, ["planner.problems.voxel_m=0.005"])
     return load_robot(problem_cell(cell, config)[0].robot)
 
 
@@ -111,11 +111,14 @@ def test_folds_a_map_file_and_the_report(tmp_path: Path, capsys: pytest.CaptureF
     solve = ["bench", "solve", *words, "--limit=0.2", f"--json={report}", "--set=planner.fallback.iterations=50"]
     assert main([*solve, "--folds=2", "--fold=1"]) == 0
     told = json.loads(report.read_text())
-    assert told["maps"][0]["asked"] == 2 and told["maps"][0]["asked_and_trained_on"] == 0
+    assert told["maps"][0]["fold"] == 1 and told["maps"][0]["asked"] == 2 and told["maps"][0]["asked_and_trained_on"] == 0
     assert [(r["set_name"], r["index"]) for r in told["problems"]] == [("bookshelf_small", 2), ("box", 2)]
     wanted = {"n_total", "n_solvable_exact", "n_solvable_cells", "solved_share", "exact_share", "collisions", "length_ratio", "time_ms"}
     assert set(told["sets"]) == {"bookshelf_small", "box", "all"} and wanted <= set(told["sets"]["all"])
     assert told["sets"]["all"]["collisions"] == 0 and {"machine", "commit", "seed", "config"} <= set(told)
+    assert main([*solve, "--folds=2", "--go-on"]) == 0  # the other fold, beside the one that is there
+    assert [m["fold"] for m in json.loads(report.read_text())["maps"]] == [1, 0]
+    assert json.loads(report.read_text())["sets"]["all"]["n_total"] == 4
     assert main([*solve, f"--map={built}"]) == 0
     assert json.loads(report.read_text())["maps"][0]["asked_and_trained_on"] == 4
     capsys.readouterr()

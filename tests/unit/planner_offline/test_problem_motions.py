@@ -20,7 +20,7 @@ from tests.support.cell import ur3_cell
 from tests.unit.planner_offline.conftest import PICK, PLACE
 
 POST = SolidConfig(name="post", shape="box", size_m=[0.05, 0.05, 0.8], position_m=(0.35, 0.0, 0.2))
-CONFIG = ProblemsConfig(motions_per_problem=3, random_share=0.67, n_workers=1)
+CONFIG = ProblemsConfig(motions_per_problem=3, random_share=0.67, n_workers=1, voxel_m=0.005)
 
 
 def problem(index: int, pan_rad: float) -> Problem:

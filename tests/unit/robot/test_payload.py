@@ -13,7 +13,7 @@ from tests.support.cell import ur3
 
 def test_joined_grids_equal_grids_built_together() -> None:
     bodies = [Body(name, joint, *box_mesh(size), False) for name, joint, size in (("a", 1, [0.1, 0.04, 0.04]), ("b", 2, [0.05, 0.05, 0.2]))]
-    together, joined = build_grids(tuple(bodies)), joined_grids(build_grids((bodies[0],)), build_grids((bodies[1],)))
+    together, joined = build_grids(tuple(bodies), 0.005), joined_grids(build_grids((bodies[0],), 0.005), build_grids((bodies[1],), 0.005))
     for name, one, other in zip(together._fields, together, joined, strict=True):
         np.testing.assert_array_equal(one, other, err_msg=name)
 
