@@ -85,6 +85,16 @@ def test_a_gap_in_the_joint_samples_is_not_bridged() -> None:
     assert history.at(500 * MS) is not None
 
 
+def test_an_arm_that_was_put_elsewhere_is_nowhere_between() -> None:
+    history = JointHistory(2)
+    for i, q in enumerate(([0.0, 0.0], [0.0, 0.1], [1.0, 0.1], [1.0, 0.2])):
+        history.add(JointSample(i * 8 * MS, np.array(q), np.zeros(2), i))
+    assert history.at(4 * MS) is not None and history.at(20 * MS) is not None
+    assert history.at(12 * MS) is None
+    at_both = [history.at(8 * MS), history.at(16 * MS)]
+    assert [sample is not None and sample.q_rad[0] for sample in at_both] == [0.0, 1.0]
+
+
 def test_broken_joint_samples_are_refused_and_a_restart_forgets() -> None:
     history = JointHistory(1)
     assert "finite" in (history.add(sample(0, float("nan"))) or "")
