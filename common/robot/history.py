@@ -32,7 +32,7 @@ class JointHistory:
         length: samples kept; the default holds two seconds at 125 Hz.
         max_gap_s: neighbours farther apart than this are not interpolated between (samples were lost).
         max_extrapolation_s: how far past the newest sample its velocity is trusted; 20 ms at 5 rad/s2 are 1 mrad (our choice).
-        max_rate: rad/s (m/s) that no joint has: an arm that went faster from one sample to the next was put elsewhere (``robot/reset``), and
+        max_rate: rad/s (m/s) that no joint has: an arm that was faster from one sample to the next was put elsewhere (``robot/reset``), and
             between was nowhere. Two who interpolate there see two different arms, and one takes the other's for an obstacle. Our choice; a
             UR3 turns by 6.3 rad/s at most.
     """
