@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from services.planner.core.rows import flat_rows, owners_in
 from services.planner.kernels.layers import change_layers
 
-__all__ = ["NO_LAYERS", "LayerTable", "Near", "NearCounts"]
+__all__ = ["NO_LAYERS", "LayerTable", "Near", "NearCounts", "most_blocks"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -87,6 +87,11 @@ class Near(NamedTuple):
     factor: F64  # (L,) by band, how many times an edge in it costs its length; empty: all cost their length
 
 
+def most_blocks(n_bands: int) -> int:
+    """How many blocks can be counted where ``n_bands`` share a word."""
+    return int((1 << WORD_BITS // max(1, n_bands)) - 1)
+
+
 class NearCounts:
     """How many occupied blocks lie in each band of each neuron and edge: the layers' view of one world.
 
@@ -106,8 +111,8 @@ class NearCounts:
     def __init__(self, table: LayerTable, n_neurons: int, n_edges: int) -> None:
         self._table = table
         self.n_bits = WORD_BITS // max(1, table.n_bands)
-        if table.n_blocks >> self.n_bits:
-            raise ValueError(f"{table.n_blocks} blocks in {table.n_bands} layers: at most {(1 << self.n_bits) - 1} can be counted")
+        if table.n_blocks > most_blocks(table.n_bands):
+            raise ValueError(f"{table.n_blocks} blocks in {table.n_bands} layers: at most {most_blocks(table.n_bands)} can be counted")
         self.node = np.zeros(n_neurons, dtype=np.uint64)
         self.edge = np.zeros(n_edges, dtype=np.uint64)
         self._block_count = np.zeros(table.n_blocks, dtype=np.int32)

@@ -223,6 +223,7 @@ def run(job: Job, progress: Progress = _silent, *, force: bool = False) -> tuple
     """
     if job.extension:
         return _run_extension(job, progress, force=force)
+    layer_rules(job.scene.arm, job.scene.grid, job.config)  # what the table cannot hold is said before anything is made
     seconds: dict[str, float] = {}
     with _stage("motions", progress, seconds):
         samples, n_trajectories = _samples(job, progress, force=force)

@@ -11,8 +11,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from common.cell import load
+from common.errors import ConfigError
 from common.geometry.grid import Grid
 from common.robot.pairs import coal_mesh
+from services.planner.config import PlannerConfig
 from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.find import PathFinder
 from services.planner.core.growth import Addition, Ground, grown
@@ -21,6 +24,7 @@ from services.planner.core.layers import LayerRules, build_layers
 from services.planner.core.lookup import BlockedCounts, LookupTable, build_table, cells_of_pose
 from services.planner.core.roadmap import Roadmap
 from services.planner.kernels.moves import segment_steps
+from services.planner.offline.finishing import layer_rules
 from tests.support.slow_layers import bands_of, lowest_band, slow_pose_bands
 
 GRID = Grid((-0.8, -0.8, 0.0), (41, 40, 25), 0.04)  # odd sides: the last blocks stick out
@@ -191,6 +195,18 @@ def test_no_layers_cost_nothing(bench):
     counts = NearCounts(NO_LAYERS, 4, 2)
     counts.change(np.arange(5, dtype=np.int32), np.empty(0, dtype=np.int32))
     assert counts.node.tolist() == [0] * 4
+
+
+def test_more_layers_than_can_be_counted_are_refused_with_their_place(bench):
+    def rules(n_layers, block_m):
+        layers_m = [round(0.01 * (k + 1), 2) for k in range(n_layers)]
+        overrides = [f"planner.clearance.layers_m={layers_m}", f"planner.clearance.block_m={block_m}"]
+        return layer_rules(bench.checker.arm, bench.grid, load(None, "planner", PlannerConfig, overrides)[1])
+
+    assert rules(4, 0.04) is not None
+    with pytest.raises(ConfigError, match=r"\[planner.clearance\]: layers_m has 5 layers and block_m = 0.04 makes 40000 blocks.*4095"):
+        rules(5, 0.04)
+    assert rules(5, 0.1) is not None
 
 
 def test_surcharges_need_their_layers(bench, small):
