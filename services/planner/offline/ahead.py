@@ -7,6 +7,7 @@ import numpy as np
 from services.planner.config import PlannerConfig
 from services.planner.core.gng import GrowingNeuralGas
 from services.planner.core.world import no_cells
+from services.planner.offline.cycles import with_useful_cycles
 from services.planner.offline.finishing import table_of
 from services.planner.offline.growth import gas_parameters
 from services.planner.offline.scene import Scene
@@ -27,4 +28,5 @@ def compile_ahead(scene: Scene, config: PlannerConfig) -> None:
     checker, nothing = scene.checker(), no_cells(scene.grid)
     checker.pose(nothing, grown.q_rad[0])
     checker.segment(nothing, *grown.q_rad[grown.edges[0]])
+    with_useful_cycles(grown, lambda _a, _b: True, 1.0, N_NEURONS)
     table_of(scene, config, grown, lambda _share: None)

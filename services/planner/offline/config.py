@@ -84,6 +84,10 @@ class MapConfig(Strict, frozen=True):
     max_age: Count = 50  # Fritzke 1995
     bridge_max_rad: Positive = 1.0  # our choice: longest edge that may join two components
     join_neighbours: Count = 5  # near the mean degree of the gas; edges tried for a neuron added after pruning
+    # Two neurons that are among each other's nearest get an edge if the way over the map is so many times longer than the straight line;
+    # 0 neighbours: none do. Measured, see services.planner.offline.cycles; Nieuwenhuisen and Overmars 2004 have no value for joint space.
+    cycle_neighbours: Annotated[int, Meta(ge=0, le=200)] = 32
+    cycle_stretch: Annotated[float, Meta(ge=1)] = 2.0
 
 
 class SomConfig(Strict, frozen=True):

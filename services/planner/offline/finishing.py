@@ -18,6 +18,7 @@ from services.planner.core.lookup import LookupTable, build_table
 from services.planner.core.neuron_index import in_order_of_place
 from services.planner.core.world import no_cells
 from services.planner.kernels.collision import FREE, Arm
+from services.planner.offline.cycles import with_useful_cycles
 from services.planner.offline.pruning import prune, prune_lattice
 from services.planner.offline.scene import Scene
 
@@ -36,8 +37,8 @@ class CheckedMap:
 
 
 def prune_grown(scene: Scene, config: PlannerConfig, grown: CognitiveMap, samples_rad: F64, n_neurons: int | None = None) -> CheckedMap:
-    """The map of the chosen model as :mod:`services.planner.offline.pruning` says: a gas is filled up and numbered anew, a lattice
-    keeps to its lattice.
+    """The map of the chosen model as :mod:`services.planner.offline.pruning` says: a gas is filled up, gets useful cycles and is
+    numbered anew, a lattice keeps to its lattice.
 
     Args:
         scene: what it must not hit.
@@ -72,6 +73,8 @@ def prune_grown(scene: Scene, config: PlannerConfig, grown: CognitiveMap, sample
         bridge_max_rad=m.bridge_max_rad,
         join_neighbours=m.join_neighbours,
     )
+    if m.cycle_neighbours > 0:
+        learned = with_useful_cycles(learned, motion_is_free, m.cycle_stretch, m.cycle_neighbours)
     return CheckedMap(in_order_of_place(learned))
 
 
