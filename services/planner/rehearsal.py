@@ -86,7 +86,7 @@ def _move(parts: Parts, clock_ns: Callable[[], int], home: F64, far: F64) -> Non
     checker.hand_meets(vision.world.recent, curve, parts.hand)
     planner.answer(World.of(parts.grid, vision.counts), Ask(q, far), watch)
     vision.see(0.1, np.empty(0, dtype=np.int32))
-    corner = FoundPath(np.full(1, NO_NEURON, dtype=np.int32), np.array([home, home + 0.1, far]), 0.0)
+    corner = FoundPath(np.full(1, NO_NEURON, dtype=np.int32), np.array([home, home + 0.1, far]))
     planner.refined(vision.world, Ask(home, far), replace(motion, path=corner), watch)
 
 

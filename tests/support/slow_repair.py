@@ -28,7 +28,7 @@ class Node:
 
 @dataclass(eq=False)
 class SlowTwoTrees:
-    """Arguments as for the kernel; ``step_m`` is that of its checks."""
+    """Arguments as for the kernel; ``step_m`` is that of its checks. No counts: nothing of the map is known."""
 
     checker: Checker
     cells: Cells
@@ -56,7 +56,7 @@ class SlowTwoTrees:
     def _plant(self, q_start, q_goals, n_connections):
         self.trees[0].append(Node(q_start, None))
         self.trees[1].extend(Node(q, None) for q in q_goals)
-        order = [n for n in range(self.roadmap.n_neurons) if self.node_count[n] == 0]
+        order = [n for n in range(len(self.node_count)) if self.node_count[n] == 0]
         best = (np.inf, None)
         for side in (0, 1):
             reached: dict[int, tuple[float, Node]] = {}
@@ -117,18 +117,24 @@ class SlowTwoTrees:
 
     def _sample(self, mine, others):
         kind = self.rng.uniform()
-        free = [n for n in range(self.roadmap.n_neurons) if self.node_count[n] == 0]
-        if kind < kernel.SHARE_NEURONS and free:
-            for _ in range(kernel.NEURON_DRAWS):
+        blocked = [n for n in range(len(self.node_count)) if self.node_count[n] != 0]
+        free = sorted(set(range(len(self.node_count))) - set(blocked))
+        first, second, third, fourth = np.cumsum(kernel.SHARES if len(self.node_count) else kernel.SHARES_WITHOUT_MAP)
+        if kind < first:
+            for _ in range(kernel.NEURON_DRAWS if free else 0):
                 n = free[int(self.rng.uniform() * len(free))]
                 if n not in self.tree_of:
                     return self.roadmap.neurons_rad[n], n
-        if kind < kernel.SHARE_NEURONS + kernel.SHARE_OTHER:
+        elif kind < second:
             return others[int(self.rng.uniform() * len(others))].q, -1
-        if kind < kernel.SHARE_NEURONS + kernel.SHARE_OTHER + kernel.SHARE_NEAR:
-            q = mine[int(self.rng.uniform() * len(mine))].q
-            return np.clip([x + (2.0 * self.rng.uniform() - 1.0) * kernel.NEAR_RAD for x in q], self.q_min, self.q_max), -1
+        elif kind < third:
+            return self._about(mine[int(self.rng.uniform() * len(mine))].q, kernel.NEAR_RAD), -1
+        elif kind < fourth and blocked:
+            return self._about(self.roadmap.neurons_rad[blocked[int(self.rng.uniform() * len(blocked))]], kernel.BLOCKED_RAD), -1
         return np.array([a + self.rng.uniform() * (b - a) for a, b in zip(self.q_min, self.q_max, strict=True)]), -1
+
+    def _about(self, middle, most_rad):
+        return np.clip([x + (2.0 * self.rng.uniform() - 1.0) * most_rad for x in middle], self.q_min, self.q_max)
 
     def _extend(self, tree, origin, target, reach):
         """(reached?, the last node: None if nothing was added and the target was not reached)."""

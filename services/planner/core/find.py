@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.planner.core.check import Checker
-from services.planner.core.found import FoundPath, NotFound, path_length
+from services.planner.core.found import FoundPath, NotFound
 from services.planner.core.layer_table import Near
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import World
@@ -93,6 +93,7 @@ class PathFinder:
             heap_node=np.empty((2, queue_length(capacity)), dtype=np.int32),
             path=np.empty(n, dtype=np.int32),
         )
+        self._n_rooms = new_rooms(checker.arm, 1).shape[1]
         self._none_blocked = np.zeros(n, dtype=np.int32)
         self._no_edges_blocked = np.zeros(m, dtype=np.int32)
 
@@ -113,7 +114,7 @@ class PathFinder:
         if neurons is None:
             return NotFound("no_path", self.no_way(world))
         raw = np.vstack([q_start, self.roadmap.neurons_rad[neurons], q_goal])
-        return FoundPath(neurons, raw, path_length(raw))
+        return FoundPath(neurons, raw)
 
     def best_match(self, q_rad: F64) -> int:
         """The nearest neuron of ``q_rad`` (J,), blocked or not."""
@@ -136,7 +137,7 @@ class PathFinder:
     def new_ends(self) -> Ends:
         """Room for the neurons that a question's start and goal may join."""
         shape = (2, N_CONNECTIONS)
-        rooms = new_rooms(self.checker.arm, 2)
+        rooms = np.full((2, self._n_rooms), np.nan)
         return Ends(np.empty(shape, dtype=np.int32), np.empty(shape), np.zeros(shape, dtype=np.int8), np.zeros(2, dtype=np.int64), rooms)
 
     def question(self, world: World, edge_count: I32, q_start: F64, q_goal: F64, search: str) -> tuple[Any, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -25,16 +26,19 @@ class FoundPath:
     Attributes:
         neurons: (N,) int32 neurons on the way, :data:`NO_NEURON` for a point that is none; may be empty (a straight line).
         q_rad: (N + 2, J) true start, the points of ``neurons``, true goal.
-        length_rad: Euclidean joint length of ``q_rad``.
         leaving: the cells among which the arm stands at the start and which it must move away from; None = it stands free.
         way: what found it.
     """
 
     neurons: I32
     q_rad: F64
-    length_rad: float
     leaving: Leaving | None = None
     way: Way = "map"
+
+    @cached_property
+    def length_rad(self) -> float:
+        """Euclidean joint length of ``q_rad``."""
+        return path_length(self.q_rad)
 
 
 @dataclass(frozen=True)

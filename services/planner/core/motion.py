@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 from common.robot.trajectory import JointTrajectory
 from services.planner.core.check import ASTRAY_M, TOUCH_M, HandReach
 from services.planner.core.find import PathFinder, Pieces, Rules
-from services.planner.core.found import FoundPath, NotFound
+from services.planner.core.found import FoundPath, NotFound, path_length
 from services.planner.core.separation import Caps, Separation
 from services.planner.core.smoothing import candidates
 from services.planner.core.timing import Limits, time_blends, time_curve, time_polyline
@@ -66,7 +67,6 @@ class Motion:
         curve: the timed curve, checked as it is.
         path: what the search found.
         smoothing: name of the level that was accepted.
-        length_rad: joint length of the curve.
         fell_back: no smooth curve was free; the arm stops at each corner.
         refined: the path was shortened for longer than a first answer waits.
     """
@@ -74,9 +74,13 @@ class Motion:
     curve: JointTrajectory
     path: FoundPath
     smoothing: str
-    length_rad: float
     fell_back: bool
     refined: bool = False
+
+    @cached_property
+    def length_rad(self) -> float:
+        """Joint length of the curve, knot to knot."""
+        return path_length(self.curve.q_rad)
 
 
 @dataclass(frozen=True)
@@ -216,7 +220,7 @@ class MotionPlanner:
         pieces = pieces.without_repeats(SAME_PLACE_RAD)
         if len(pieces.q_rad) == 1:
             here = JointTrajectory(np.zeros(1), pieces.q_rad.copy(), np.zeros_like(pieces.q_rad))
-            return Motion(here, found, "already there", 0.0, False)
+            return Motion(here, found, "already there", False)
         watch.add("smooth", began)
         if ask.smooth:
             smoothing = self._smoothed_by_the_paper if ask.rules == "paper" else self._rounded
@@ -241,7 +245,7 @@ class MotionPlanner:
             blocked_s = None if ask.rules == "paper" else self._blocked_at(world, ask, found, timed)
             watch.add("verify", began)
             if blocked_s is None:
-                return Motion(timed, found, "stop at each corner", _length(timed), ask.smooth)
+                return Motion(timed, found, "stop at each corner", ask.smooth)
             piece = int(np.searchsorted(corner_s, blocked_s, side="right")) - 1
         return _Blocked(piece if velocity is None else piece - 1)
 
@@ -265,7 +269,7 @@ class MotionPlanner:
             watch.add("verify", began)
             if blocked_s is None:
                 n_stops = int(np.count_nonzero(reach[1:-1] == 0.0))
-                return Motion(timed.curve, found, f"blends {share:g}, {n_stops} stops", _length(timed.curve), n_stops > 0)
+                return Motion(timed.curve, found, f"blends {share:g}, {n_stops} stops", n_stops > 0)
         return None
 
     def _caps(self, world: World, ask: Ask) -> Caps | None:
@@ -285,7 +289,7 @@ class MotionPlanner:
             free = timed is not None and all(world.counts.node[self.finder.best_match(q)] == 0 for q in points)
             began = watch.add("verify", began)
             if timed is not None and free:
-                return Motion(timed, found, curve.name, _length(timed), False)
+                return Motion(timed, found, curve.name, False)
         return None
 
     def _hand_at(self, world: World, ask: Ask, found: FoundPath, timed: JointTrajectory) -> float | None:
@@ -302,7 +306,3 @@ class MotionPlanner:
         if verdict != FREE:
             return at_s
         return None if leaving is None or leaving.leads_out(self.checker, timed.q_rad) else 0.0
-
-
-def _length(curve: JointTrajectory) -> float:
-    return float(np.linalg.norm(np.diff(curve.q_rad, axis=0), axis=1).sum())

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from services.planner.core.check import Checker
 from services.planner.core.find import PathFinder
-from services.planner.core.found import NO_NEURON, FoundPath, path_length
+from services.planner.core.found import NO_NEURON, FoundPath
 from services.planner.core.two_trees import FINER, Bounds, Joined, TwoTrees
 from services.planner.core.world import World
 from services.planner.kernels.cells import Cells
@@ -107,7 +107,7 @@ class Repair:
         if not is_map and self._rounds < ROUNDS:
             self._joined, self._rounds = _corners_cut(self._finder.checker, self._world.cells, joined), self._rounds + 1
             return True
-        return FoundPath(joined.neurons, joined.q_rad, path_length(joined.q_rad), way="map" if is_map else "repair")
+        return FoundPath(joined.neurons, joined.q_rad, way="map" if is_map else "repair")
 
     def again(self) -> bool:
         """Begin again with what is left of the bounds, on other samples; False: nothing is left."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.planner.core.find import PathFinder
-from services.planner.core.found import FoundPath, NotFound, path_length
+from services.planner.core.found import FoundPath, NotFound
 from services.planner.core.world import Leaving, World
 from services.planner.kernels.connect import BARRED, DIRECT, FOUND, FREE_CONNECTIONS, GOAL, JOINS, START, ask_map
 
@@ -90,7 +90,7 @@ class Route:
 
     def _found(self, neurons: I32) -> FoundPath:
         raw = np.vstack([self._q_start, self._finder.roadmap.neurons_rad[neurons], self._q_goal])
-        return FoundPath(neurons, raw, path_length(raw), self._leaving)
+        return FoundPath(neurons, raw, self._leaving)
 
     def _joins(self, q: F64) -> bool:
         """Whether the straight way from the start is free and, for an arm that stands among cells, leads out of them."""

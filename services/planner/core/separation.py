@@ -39,8 +39,9 @@ class Separation:
 
         def caps(s: F64, q_rad: F64, d1: F64, speed: F64) -> F64:
             cap = np.full(len(s), np.inf)
-            speed_caps(self.arm, self.reach, world.cells, self.standing, s, q_rad, d1, speed, cap)
-            speed_caps(self.arm, self.reach, world.recent, self.moving, s, q_rad, d1, speed, cap)
+            for cells, law in ((world.cells, self.standing), (world.recent, self.moving)):
+                if len(cells.flat) > 0:
+                    speed_caps(self.arm, self.reach, cells, law, s, q_rad, d1, speed, cap)
             return cap
 
         return caps

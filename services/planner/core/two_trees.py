@@ -79,10 +79,10 @@ class TwoTrees:
     ) -> None:  # fmt: skip
         graph, node_count, edge_count = known
         self._bounds, self._ends = bounds, (np.ascontiguousarray(q_start), np.ascontiguousarray(q_goals))
-        free = np.flatnonzero(node_count == 0).astype(np.int32)
+        free, blocked = (np.flatnonzero(is_so).astype(np.int32) for is_so in (node_count == 0, node_count != 0))
         step_m = FINER * checker.step_m
         self._space = kernel.Space(
-            checker.arm, checker.solids, cells, checker.safety_m, step_m, *joint_range, graph, node_count, edge_count, free
+            checker.arm, checker.solids, cells, checker.safety_m, step_m, *joint_range, graph, node_count, edge_count, free, blocked
         )
         self._trees = _trees(len(node_count), len(edge_count), len(q_start), len(q_goals), rng, bounds)
         self._roots = [(0, 0), *((1, g) for g in range(len(q_goals)))]

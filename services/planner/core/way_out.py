@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from services.planner.core.check import Checker
 from services.planner.core.find import PathFinder
-from services.planner.core.found import NO_NEURON, FoundPath, NotFound, path_length
+from services.planner.core.found import NO_NEURON, FoundPath, NotFound
 from services.planner.core.route import Route
 from services.planner.core.world import Leaving, World
 from services.planner.kernels.collision import FREE
@@ -67,7 +67,7 @@ class WayOut:
                 self._found_on = found
                 neurons = np.concatenate([[NO_NEURON], found.neurons]).astype(np.int32)
                 q_rad = np.vstack([self._q_start, step, found.q_rad[1:]])
-                return FoundPath(neurons, q_rad, path_length(q_rad), self._leaving)
+                return FoundPath(neurons, q_rad, self._leaving)
             if not self._take_next_step():
                 break
         return NotFound("no_path", self._finder.no_way(self._world))

@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.planner.config import PlannerConfig
-from services.planner.core.found import NO_NEURON, FoundPath, NotFound, Way, path_length
+from services.planner.core.found import NO_NEURON, FoundPath, NotFound, Way
 from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.repair import Repair
 from services.planner.core.two_trees import Bounds, seed_of
@@ -151,7 +151,7 @@ class Thinking:
             self._why.append(answer.why)
             return self._nothing()
         neurons = np.full(len(answer.q_rad) - 2, NO_NEURON, dtype=np.int32)
-        motion = self._drive(world, FoundPath(neurons, answer.q_rad, path_length(answer.q_rad), way="fallback"), watch)
+        motion = self._drive(world, FoundPath(neurons, answer.q_rad, way="fallback"), watch)
         if motion is None and self._tries == TRIES:
             return self._nothing()
         if motion is None:

@@ -28,6 +28,8 @@ def cells_of(grid: Grid, cells: I32) -> Cells:
     n_blocks, n_groups = -(-n // BLOCK), -(-n // (BLOCK * GROUP))
     bounds = np.empty((n_blocks, 4)), np.empty((n_groups, 4))
     arranged = Cells(np.empty(n, dtype=np.int32), np.empty((n, 3)), *bounds, grid.resolution_m / 2.0)
+    if n == 0:
+        return arranged
     origin, shape = np.asarray(grid.origin_m), np.asarray(grid.shape)
     arrange_cells(cells, origin, shape, grid.resolution_m, arranged.flat, arranged.centre_m, arranged.block_m, arranged.group_m)
     return arranged

@@ -1,8 +1,9 @@
 """RRTConnect (Kuffner and LaValle 2000) whose two trees begin with what the map knows, in slices, bounded by counts alone.
 
 Tree 0 holds the start and every neuron that can be reached from it on the unblocked map, tree 1 likewise the goals. Samples are free
-neurons of other parts of the map (a part that is reached is taken in whole), nodes of the other tree, and points of the joint box. A
-tree grows as far as the straight way is free. On a map without neurons this is RRTConnect itself. Twin: ``tests/support/slow_repair.py``.
+neurons of other parts of the map (a part that is reached is taken in whole), nodes of the other tree, points about what is blocked or
+reached, and points of the joint box. A tree grows as far as the straight way is free. On a map without neurons this is RRTConnect itself.
+Twin: ``tests/support/slow_repair.py``.
 """
 
 from __future__ import annotations
@@ -38,10 +39,13 @@ RANGE_RAD = 1.0  # longest growth towards a point of the box, as in core.rrt_con
 NODE_RAD = 0.5  # farthest between two nodes of one growth; our choice
 BACK_RAD = 0.05  # a growth that meets something ends so far before it; our choice
 LEAST_RAD = 0.1  # a shorter one adds nothing; our choice
-# Of the samples: free neurons of no tree, nodes of the other tree, points near nodes of the tree that grows; the rest are points of the
-# box. Measured on 27 task questions that the map did not answer, 4 000 samples each: 4 solved without the third kind, 7 with it.
-SHARE_NEURONS, SHARE_OTHER, SHARE_NEAR = 0.3, 0.2, 0.2
-NEAR_RAD = 0.5  # each joint is at most so far from the node's
+# Of the samples: free neurons of no tree, nodes of the other tree, points near nodes of the tree that grows, points about blocked neurons
+# (the ways round lie about what is cut off); the rest, and what there is none of, are points of the box. Measured on 28 questions (task,
+# off_task) that the map did not answer, 4 generators each, 2 000 samples: 0.71 solved without the last kind (0.3, 0.2, 0.2, 0), 0.81 with
+# it within 1.2 rad of a blocked neuron, 0.86 within 2 rad, in two thirds of the time.
+SHARES = (0.1, 0.2, 0.1, 0.5)
+SHARES_WITHOUT_MAP = (0.0, 0.5, 0.2, 0.0)  # our choice
+BLOCKED_RAD, NEAR_RAD = 2.0, 0.5  # each joint is at most so far from the neuron's or the node's
 NEURON_DRAWS = 8  # until a free neuron of no tree is met
 
 
@@ -59,6 +63,7 @@ class Space(NamedTuple):
     node_count: I32  # (N,) blocked while above zero
     edge_count: I32  # (M,)
     free: I32  # (F,) the neurons that are not blocked, ascending
+    blocked: I32  # (N - F,) the others, ascending
 
 
 class Trees(NamedTuple):
@@ -95,9 +100,7 @@ def _nearest(trees, side, q):  # type: ignore[no-untyped-def]
     for i in range(trees.n_nodes[side]):
         d2 = 0.0
         for j in range(len(q)):
-            d2 += (trees.q_rad[side, i, j] - q[j]) ** 2
-            if d2 >= best_d2:
-                break
+            d2 += (trees.q_rad[side, i, j] - q[j]) ** 2  # all of it: to stop when it is too much takes twice as long
         if d2 < best_d2:
             best, best_d2 = i, d2
     return best
@@ -215,23 +218,32 @@ def _extend(space, trees, side, origin, target, reach_rad, rotation, translation
 
 
 @njit(cache=True, nogil=True)
+def _about(space, trees, middle, most_rad, q):  # type: ignore[no-untyped-def]
+    """Fill ``q`` with a point of the box whose joints are at most ``most_rad`` from those of ``middle``."""
+    for j in range(len(q)):
+        near = middle[j] + (2.0 * uniform(trees.rng) - 1.0) * most_rad
+        q[j] = min(max(near, space.q_min[j]), space.q_max[j])
+
+
+@njit(cache=True, nogil=True)
 def _sample(space, trees, side, q):  # type: ignore[no-untyped-def]
     """Fill ``q`` with where to grow to; the neuron that it is, or -1."""
+    neurons, other, near, blocked = SHARES if len(space.node_count) > 0 else SHARES_WITHOUT_MAP
     kind = uniform(trees.rng)
-    if kind < SHARE_NEURONS and len(space.free) > 0:
-        for _ in range(NEURON_DRAWS):
+    if kind < neurons:
+        for _ in range(NEURON_DRAWS if len(space.free) > 0 else 0):
             n = space.free[int(uniform(trees.rng) * len(space.free))]
             if trees.owner[n] == NOBODY:
                 q[:] = space.graph.neurons_rad[n]
                 return n
-    if kind < SHARE_NEURONS + SHARE_OTHER:
+    elif kind < neurons + other:
         q[:] = trees.q_rad[1 - side, int(uniform(trees.rng) * trees.n_nodes[1 - side])]
         return NO_NEURON
-    if kind < SHARE_NEURONS + SHARE_OTHER + SHARE_NEAR:
-        node = int(uniform(trees.rng) * trees.n_nodes[side])
-        for j in range(len(q)):
-            near = trees.q_rad[side, node, j] + (2.0 * uniform(trees.rng) - 1.0) * NEAR_RAD
-            q[j] = min(max(near, space.q_min[j]), space.q_max[j])
+    elif kind < neurons + other + near:
+        _about(space, trees, trees.q_rad[side, int(uniform(trees.rng) * trees.n_nodes[side])], NEAR_RAD, q)
+        return NO_NEURON
+    elif kind < neurons + other + near + blocked and len(space.blocked) > 0:
+        _about(space, trees, space.graph.neurons_rad[space.blocked[int(uniform(trees.rng) * len(space.blocked))]], BLOCKED_RAD, q)
         return NO_NEURON
     for j in range(len(q)):
         q[j] = space.q_min[j] + uniform(trees.rng) * (space.q_max[j] - space.q_min[j])

@@ -92,7 +92,7 @@ def _planner(bench, looks):
 
 def test_a_refined_motion_is_quicker_free_the_same_twice_and_says_so(bench, world):
     path = _detour(bench, world)
-    found, ask = FoundPath(np.full(7, -1, dtype=np.int32), path, path_length(path)), Ask(HERE, THERE)
+    found, ask = FoundPath(np.full(7, -1, dtype=np.int32), path), Ask(HERE, THERE)
     planner = _planner(bench, 200)
     first = planner.along(world, ask, found, Stopwatch(time.perf_counter_ns))
     assert isinstance(first, Motion) and not first.refined
@@ -108,7 +108,7 @@ def test_a_refined_motion_is_quicker_free_the_same_twice_and_says_so(bench, worl
 
 def test_in_motion_by_the_papers_rules_and_without_looks_the_first_answer_stays(bench, world):
     path = _detour(bench, world)
-    found, watch = FoundPath(np.full(7, -1, dtype=np.int32), path, path_length(path)), Stopwatch(time.perf_counter_ns)
+    found, watch = FoundPath(np.full(7, -1, dtype=np.int32), path), Stopwatch(time.perf_counter_ns)
     first = _planner(bench, 200).along(world, Ask(HERE, THERE), found, watch)
     assert first is not None
     for planner, ask in (
