@@ -24,9 +24,10 @@ from benchmarks.answers import Answer, Answerer, fallback_of, percentiles
 from benchmarks.provenance import provenance
 from benchmarks.questions import SETS, Question, questions
 from benchmarks.referee import Referee, at_steps
-from benchmarks.solvable import is_solvable
+from benchmarks.solvable import are_solvable
 from common.cell import load
 from common.config import plain
+from common.errors import TolmanError
 from services.planner.assemble import assemble
 from services.planner.config import PlannerConfig
 from services.planner.core.motion import Motion
@@ -63,17 +64,17 @@ def run(args: argparse.Namespace) -> int:
     if args.once:
         print(digest)
         return 0
-    solvable = [  # what we solved needs no proof
-        answer.way is not None or is_solvable(parts, question) for question, answer in zip(_shown(asked, "solvable?"), answers, strict=True)
-    ]
+    open_ones = [question for question, answer in zip(asked, answers, strict=True) if answer.way is None]  # what we solved needs no proof
+    proofs = are_solvable(args.config, args.override, open_ones)
+    n_solvable = len(asked) - len(open_ones) + sum(track(proofs, "solvable?", total=len(open_ones), transient=True))
     referee = Referee(parts.robot, cell.static)
     collisions = 0
     for question, answer in zip(_shown(asked, "referee"), answers, strict=True):
         for motion in {answer.motion, answer.refined}:
             if isinstance(motion, Motion):
                 collisions += referee.collides(at_steps(_dense(motion)), question.boxes_m)
-    figures = _figures(answers, sum(solvable), collisions)
-    figures["equal_answers_in_3_processes"] = all(_digest_elsewhere(args) == digest for _ in range(2))
+    figures = _figures(answers, n_solvable, collisions)
+    figures["equal_answers_in_3_processes"] = _digests_elsewhere(args) == {digest}
     report = {**provenance(args.seed, plain(config)), "set": args.name, "n": args.n, **figures}
     print(json.dumps(figures, indent=2))
     if args.json is not None:
@@ -143,9 +144,18 @@ def _digest(answers: list[Answer]) -> str:
     return digest.hexdigest()
 
 
-def _digest_elsewhere(args: argparse.Namespace) -> str:
-    """The digest that a process of its own gets for the same questions."""
+def _digests_elsewhere(args: argparse.Namespace) -> set[str]:
+    """The digests that two processes of their own get for the same questions."""
     command = [sys.executable, "-m", "clients.cli.main", "bench", "replan", "--once", "--set", args.name, "--n", str(min(args.n, N_EQUAL))]
     command += ["--seed", str(args.seed), *(["--config", str(args.config)] if args.config else [])]
     command += [part for override in args.override for part in ("--override", override)]
-    return subprocess.run(command, check=True, capture_output=True, text=True).stdout.strip().splitlines()[-1]
+    others = [subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
+    digests = set()
+    for other in others:
+        printed, said = other.communicate()
+        if other.returncode != 0:
+            raise TolmanError(
+                f"the same questions in another process: it ended with {other.returncode}: {said.strip()}", code="bench_failed"
+            )
+        digests.add(printed.strip().splitlines()[-1])
+    return digests

@@ -106,7 +106,13 @@ def test_a_box_is_seen_and_the_moving_arm_is_not_and_what_is_gone_clears(cell: C
     for _ in range(30):
         frame = cell.frame()
         assert np.abs(signed_distance_m(BOX, centres(frame))).max() < SHADOW_M, "a cell that is neither box nor its shadow"
-    assert all(use.used for use in frame.cameras)
+
+    def whole() -> VoxelFrame | None:
+        """A frame that all cameras were in time for; on a busy machine not each is."""
+        frame = cell.frame()
+        return frame if all(use.used for use in frame.cameras) else None
+
+    frame = eventually(whole, 10.0, "a frame of all cameras")
     assert len({use.exposure_ns for use in frame.cameras}) == 1
     assert frame.stamp_ns == max(use.exposure_ns for use in frame.cameras)
     assert all(use.published_ns > use.exposure_ns for use in frame.cameras)
