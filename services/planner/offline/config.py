@@ -87,7 +87,7 @@ class MapConfig(Strict, frozen=True):
     # Two neurons that are among each other's nearest get an edge if the way over the map is so many times longer than the straight line;
     # 0 neighbours: none do. Measured, see services.planner.offline.cycles; Nieuwenhuisen and Overmars 2004 have no value for joint space.
     cycle_neighbours: Annotated[int, Meta(ge=0, le=200)] = 32
-    cycle_stretch: Annotated[float, Meta(ge=1)] = 2.0
+    cycle_stretch: Annotated[float, Meta(ge=1)] = 4.0
 
 
 class SomConfig(Strict, frozen=True):
