@@ -13,7 +13,7 @@ from numba import njit
 
 from common.robot.body_distance import to_world
 from common.robot.kernels import forward_kinematics, to_joint_frame
-from services.planner.kernels.cells import BLOCK, GROUP
+from services.planner.kernels.cells import BLOCK
 from services.planner.kernels.collision import ROOT3
 from services.planner.kernels.reach import look_far, reach_grid
 
@@ -47,61 +47,40 @@ def allowed_speed(law, separation_m):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def body_separation(arm, reach, cells, b, turn, shift, enough_m, first):  # type: ignore[no-untyped-def]
-    """``(separation, nearest)``: a lower bound in metres of the distance of body ``b`` to all cells, at most ``enough_m``.
+def body_separation(arm, reach, cells, b, turn, shift, enough_m):  # type: ignore[no-untyped-def]
+    """Lower bound in metres of the distance of body ``b`` to all cells, at most ``enough_m``; ``turn``, ``shift``: its frame.
 
     Within ``reach`` by its grid, to each cell's ball; beyond by the spheres that contain the body.
-
-    Args:
-        turn, shift: the body's frame.
-        first: block of cells that is looked at first; any will do, but if it is the nearest most others need no look.
-
-    Returns:
-        The bound, which does not depend on ``first``, and the block that it comes from; ``first`` if from none.
     """
-    grids, block, group, ball_m = arm.grids, cells.block_m, cells.group_m, cells.half_m * ROOT3
-    bx, by, bz = to_world(turn, shift, grids.bound_centre_m, b)
-    around = grids.bound_radius_m[b] + ball_m
-    nearest, best = first, enough_m
-    for g in range(-1, len(group)):  # -1: the first block alone
-        begin, end = first, first + 1
-        if g >= 0:
-            dx, dy, dz = group[g, 0] - bx, group[g, 1] - by, group[g, 2] - bz
-            within = best + group[g, 3] + around
-            if dx * dx + dy * dy + dz * dz >= within * within:
-                continue
-            begin, end = g * GROUP, min((g + 1) * GROUP, len(block))
-        for k in range(begin, end):
-            if g >= 0 and k == first:
-                continue
-            dx, dy, dz = block[k, 0] - bx, block[k, 1] - by, block[k, 2] - bz
-            within = best + block[k, 3] + around
-            if dx * dx + dy * dy + dz * dz >= within * within:
-                continue
-            apart = _block_separation(arm, reach, cells, b, turn, shift, k, best)
-            if apart < best:
-                nearest, best = k, apart
-    return best, nearest
-
-
-@njit(cache=True, nogil=True)
-def _block_separation(arm, reach, cells, b, turn, shift, k, best):  # type: ignore[no-untyped-def]
-    """:func:`body_separation` of the cells of block ``k`` alone, at most ``best``."""
     grids, centre, block, ball_m = arm.grids, cells.centre_m, cells.block_m, cells.half_m * ROOT3
     distance, grid = reach.distance, reach_grid(reach, b)
-    for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
-        cx, cy, cz = to_world(turn, shift, grids.part_m, p)
-        radius = grids.part_m[p, 3] + ball_m
-        dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
-        within = best + block[k, 3] + radius
+    bx, by, bz = to_world(turn, shift, grids.bound_centre_m, b)
+    around = grids.bound_radius_m[b] + ball_m
+    nearest, best, least = 0, enough_m, np.inf
+    for k in range(len(block)):
+        dx, dy, dz = block[k, 0] - bx, block[k, 1] - by, block[k, 2] - bz
+        apart = math.sqrt(dx * dx + dy * dy + dz * dz) - block[k, 3]
+        if apart < least:
+            nearest, least = k, apart
+    for step in range(len(block)):
+        k = nearest if step == 0 else (0 if step == nearest else step)  # the nearest first: most others cannot be nearer then
+        dx, dy, dz = block[k, 0] - bx, block[k, 1] - by, block[k, 2] - bz
+        within = best + block[k, 3] + around
         if dx * dx + dy * dy + dz * dz >= within * within:
             continue
-        for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
-            dx, dy, dz = centre[i, 0] - cx, centre[i, 1] - cy, centre[i, 2] - cz
-            apart2, within = dx * dx + dy * dy + dz * dz, best + radius
-            if apart2 < within * within:
-                x, y, z = to_joint_frame(turn, shift, centre[i, 0], centre[i, 1], centre[i, 2])
-                best = min(best, max(math.sqrt(apart2) - radius, look_far(distance, grid, x, y, z) - ball_m))
+        for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
+            cx, cy, cz = to_world(turn, shift, grids.part_m, p)
+            radius = grids.part_m[p, 3] + ball_m
+            dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
+            within = best + block[k, 3] + radius
+            if dx * dx + dy * dy + dz * dz >= within * within:
+                continue
+            for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
+                dx, dy, dz = centre[i, 0] - cx, centre[i, 1] - cy, centre[i, 2] - cz
+                apart2, within = dx * dx + dy * dy + dz * dz, best + radius
+                if apart2 < within * within:
+                    x, y, z = to_joint_frame(turn, shift, centre[i, 0], centre[i, 1], centre[i, 2])
+                    best = min(best, max(math.sqrt(apart2) - radius, look_far(distance, grid, x, y, z) - ball_m))
     return best
 
 
@@ -170,7 +149,7 @@ def _cap_body(arm, reach, cells, law, s, b, rate, speed, rotation, translation, 
     ``rate`` (N, B): how fast its points are per unit of ``s``; ``apart`` (N,): scratch.
     """
     turn, shift = rotation[:, arm.grids.body_joint[b]], translation[:, arm.grids.body_joint[b]]
-    looked, nearest = False, 0
+    looked = False
     for i in range(len(s)):
         moved_m = _moved_m(s, rate, i - 1, b) if i > 0 else 0.0
         left_m = apart[i - 1] - moved_m if i > 0 else 0.0
@@ -180,8 +159,7 @@ def _cap_body(arm, reach, cells, law, s, b, rate, speed, rotation, translation, 
             continue
         # Farther than enough, so that the next samples may need no look; but it cannot be farther than it was and has moved.
         far_m = min(2.0 * enough_m, apart[i - 1] + moved_m) if looked else 2.0 * enough_m
-        apart[i], nearest = body_separation(arm, reach, cells, b, turn[i], shift[i], far_m, nearest)
-        looked = True
+        apart[i], looked = body_separation(arm, reach, cells, b, turn[i], shift[i], far_m), True
     for i in range(len(s) - 1):
         if max(rate[i, b] * speed[i], rate[i + 1, b] * speed[i + 1]) <= law.reduced_m_s:
             continue
