@@ -138,7 +138,7 @@ class Solver:
         counts = BlockedCounts(roadmap.table, roadmap.n_neurons, roadmap.n_edges)
         counts.set_cells(cells)
         world, ends = World.of(self._parts.grid, counts), self._finder.new_ends()
-        self._finder.join(world, problem.q_start, problem.q_goal, ends)
+        self._finder.join(world.counts.node, problem.q_start, problem.q_goal, ends)
         apart = []
         for end, (name, q) in enumerate((("start", problem.q_start), ("goal", problem.q_goal))):
             near = ends.neuron[end, : ends.n[end]]

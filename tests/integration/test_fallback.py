@@ -91,7 +91,7 @@ def test_it_reckons_with_what_the_gripper_holds() -> None:
 
 def test_a_process_that_hangs_is_ended_and_the_question_answered(monkeypatch: pytest.MonkeyPatch) -> None:
     one = _process()
-    monkeypatch.setattr(module, "ANSWER_WITHIN_S", 1.0)
+    monkeypatch.setattr(module, "SILENT_S", 1.0)
     assert one.pid is not None
     os.kill(one.pid, signal.SIGSTOP)
     began = time.monotonic()
@@ -103,6 +103,19 @@ def test_a_process_that_hangs_is_ended_and_the_question_answered(monkeypatch: py
     last = one.pid
     one.close()
     assert last is not None and eventually(lambda: not _is_there(last), 5.0)
+
+
+def test_a_process_that_works_for_long_is_left_to_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It says that it is alive; on a slow machine a question may take longer than a silence may last."""
+    one = _process()
+    monkeypatch.setattr(module, "SILENT_S", 3.0)
+    pid, began = one.pid, time.monotonic()
+    number = one.ask(ENDLESS, lambda _answer: None)
+    assert eventually(lambda: one.restarts > 0 or time.monotonic() - began > 8.0, 10.0)
+    assert one.restarts == 0 and one.pid == pid
+    one.withdraw(number)
+    assert one.send(EASY).wait().q_rad is not None
+    one.close()
 
 
 def test_closing_answers_what_is_pending() -> None:

@@ -22,12 +22,13 @@ from services.planner.kernels.search import NOT_FOUND
 from services.planner.kernels.shorten import cut_corners
 from services.planner.kernels.way import new_rooms
 
-__all__ = ["N_CONNECTIONS", "SEARCHES", "PathFinder", "Pieces", "Rules"]
+__all__ = ["N_CONNECTIONS", "SEARCHES", "Counts", "PathFinder", "Pieces", "Rules"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 I32 = NDArray[np.int32]
+Counts = tuple[I32, I32]  # of neurons (N,) and of edges (M,): blocked while above zero
 Rules = Literal["checked", "paper"]
 SEARCHES = ("dijkstra", "astar", "bidirectional", "wavefront")  # the first three find equally short paths, the last the fewest neurons
 KINDS = {"dijkstra": DIJKSTRA, "astar": ASTAR, "wavefront": WAVEFRONT, "bidirectional": BIDIRECTIONAL}
@@ -140,21 +141,28 @@ class PathFinder:
         rooms = np.full((2, self._n_rooms), np.nan)
         return Ends(np.empty(shape, dtype=np.int32), np.empty(shape), np.zeros(shape, dtype=np.int8), np.zeros(2, dtype=np.int64), rooms)
 
-    def question(self, world: World, edge_count: I32, q_start: F64, q_goal: F64, search: str) -> tuple[Any, ...]:
-        """What the kernels are told of a question: map, what is blocked, checks, ends."""
+    def as_built(self, counts: Counts) -> Counts:
+        """``counts`` as if all that was learned since the map was built were blocked."""
+        node, edge = counts[0].copy(), counts[1].copy()
+        node[self.roadmap.n_built :] += 1
+        edge[self.roadmap.n_built_edges :] += 1
+        return node, edge
+
+    def question(self, world: World, counts: Counts, q_start: F64, q_goal: F64, search: str) -> tuple[Any, ...]:
+        """What the kernels are told of a question: map, what is blocked (neurons (N,) and edges (M,), while above zero), checks, ends."""
         c = self.checker
         near = world.counts.near
-        counts = (world.counts.node, edge_count, Near(near.node, near.edge, near.n_bits, 1.0 + self.surcharges))
+        nearness = Near(near.node, near.edge, near.n_bits, 1.0 + self.surcharges)
         checks = (c.arm, c.solids, world.cells, c.safety_m, c.step_m)
-        return (KINDS[search], self.roadmap.graph, *counts, *checks, q_start, q_goal)
+        return (KINDS[search], self.roadmap.graph, *counts, nearness, *checks, q_start, q_goal)
 
-    def join(self, world: World, q_start: F64, q_goal: F64, ends: Ends) -> None:
-        """The nearest free neurons of both ends."""
-        join_ends(self.roadmap.graph, world.counts.node, q_start, q_goal, ends)
+    def join(self, node_count: I32, q_start: F64, q_goal: F64, ends: Ends) -> None:
+        """The nearest neurons of both ends whose count (N,) is zero."""
+        join_ends(self.roadmap.graph, node_count, q_start, q_goal, ends)
 
-    def connect(self, world: World, edge_count: I32, q_start: F64, q_goal: F64, search: str, ends: Ends) -> I32 | None:
+    def connect(self, world: World, counts: Counts, q_start: F64, q_goal: F64, search: str, ends: Ends) -> I32 | None:
         """Neurons of the best path whose two connections are free; None if there is none."""
-        n = connect(*self.question(world, edge_count, q_start, q_goal, search), ends, self.scratch)
+        n = connect(*self.question(world, counts, q_start, q_goal, search), ends, self.scratch)
         return None if n == NOT_FOUND else self.scratch.path[:n].copy()
 
     def refined(self, world: World, found: FoundPath, looks: int) -> Pieces:

@@ -1,6 +1,7 @@
 """A map that grows: neurons and edges are added behind those that are there, and their rows go into the lookup table.
 
-Nothing that is there moves or changes its number, so a motion under way keeps its neurons. The grown table equals one that is built from
+Nothing that is there moves or changes its number, so a motion under way keeps its neurons, and what was built stays told from what was
+learned by its number alone. The grown table equals one that is built from
 nothing on the same neurons and edges.
 """
 
@@ -70,7 +71,7 @@ def grown(roadmap: Roadmap, addition: Addition, ground: Ground, *, n_threads: in
         return roadmap
     table = _grown_table(roadmap, addition, ground, n_threads)
     learned = CognitiveMap(np.vstack([roadmap.neurons_rad, addition.neurons_rad]), np.vstack([roadmap.edges, addition.edges]))
-    return Roadmap.of(learned, table, roadmap.model)
+    return Roadmap.of(learned, table, roadmap.model, (roadmap.n_built, roadmap.n_built_edges))
 
 
 def _grown_table(roadmap: Roadmap, addition: Addition, ground: Ground, n_threads: int) -> LookupTable:

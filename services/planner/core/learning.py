@@ -45,7 +45,7 @@ class LearningRules:
         join_max_rad: longest edge.
         max_neurons: how many may be added.
         exactly: the path itself, corner by corner, no neuron nearby standing for a point of it: for a path among cells, through
-            which there may be no other.
+            which there may be no other. It may be an island: an arm that is there already needs no way from the rest of the map.
     """
 
     spacing_rad: float
@@ -117,7 +117,8 @@ def learn(roadmap: Roadmap, path_rad: F64, rules: LearningRules, motion_is_free:
         else:
             chain += growing.step(way, before, float(marks[k - 1]), float(mark), HALVINGS)
     growing.join_neighbours()
-    growing.join_to_map(chain)
+    if not rules.exactly:
+        growing.join_to_map(chain)
     return growing.addition()
 
 

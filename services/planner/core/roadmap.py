@@ -32,6 +32,8 @@ class Roadmap:
         index: by which the nearest neurons are found.
         table: which cells block what.
         model: name of the model that learned it (``gng``, ``som``, ``gamma_som``).
+        n_built, n_built_edges: how many neurons and edges the map was built with; those behind them were learned since, and are asked only
+            where the others have no way, so that learning spoils no answer that there was.
     """
 
     neurons_rad: F64
@@ -43,6 +45,8 @@ class Roadmap:
     index: NeuronIndex
     table: LookupTable
     model: str
+    n_built: int
+    n_built_edges: int
 
     @cached_property
     def graph(self) -> Graph:
@@ -50,8 +54,8 @@ class Roadmap:
         return Graph(self.neurons_rad, self.adj_offset, self.adj_node, self.adj_edge, self.adj_length, self.index)
 
     @staticmethod
-    def of(learned: CognitiveMap, table: LookupTable, model: str) -> Roadmap:
-        """The graph of a map and its table."""
+    def of(learned: CognitiveMap, table: LookupTable, model: str, built: tuple[int, int] | None = None) -> Roadmap:
+        """The graph of a map and its table; ``built``: neurons and edges that it was built with, if not all."""
         n, m = learned.n_neurons, len(learned.edges)
         ends = np.concatenate([learned.edges, learned.edges[:, ::-1]])
         edge = np.concatenate([np.arange(m), np.arange(m)]).astype(np.int32)
@@ -68,6 +72,8 @@ class Roadmap:
             index=index_neurons(np.ascontiguousarray(learned.q_rad)),
             table=table,
             model=model,
+            n_built=n if built is None else built[0],
+            n_built_edges=m if built is None else built[1],
         )
 
     def counts(self, grid: Grid) -> BlockedCounts:
@@ -85,6 +91,11 @@ class Roadmap:
         if len(found) == 0:
             raise KeyError(f"no edge between neurons {a} and {b}")
         return int(self.adj_edge[row][found[0]])
+
+    @property
+    def has_learned(self) -> bool:
+        """Whether there is more than it was built with."""
+        return self.n_built < self.n_neurons or self.n_built_edges < self.n_edges
 
     @property
     def n_neurons(self) -> int:

@@ -2,7 +2,8 @@
 
 The true start and goal join the map by checked connections to the nearest free neurons (:mod:`services.planner.kernels.connect`). The map's
 edges are checked at the table's samples and connections at theirs, so a finer look at the answer may still find a touch between them. The
-map is not at its end then: that piece is banned and the search goes on without it.
+map is not at its end then: that piece is banned and the search goes on without it. Only where the map as it was built has no way is what
+it has learned since asked too.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from services.planner.core.find import PathFinder
+from services.planner.core.find import Counts, PathFinder
 from services.planner.core.found import FoundPath, NotFound
 from services.planner.core.world import Leaving, World
 from services.planner.kernels.connect import BARRED, DIRECT, FOUND, FREE_CONNECTIONS, GOAL, JOINS, START, ask_map
@@ -35,7 +36,11 @@ class Route:
     def __init__(self, finder: PathFinder, world: World, leaving: Leaving | None, q_start: F64, q_goal: F64, search: str) -> None:
         self._finder, self._world, self._leaving = finder, world, leaving
         self._q_start, self._q_goal, self._search = q_start, q_goal, search
-        self._edge_count = world.counts.edge
+        self._counts: Counts = (world.counts.node, world.counts.edge)
+        self._as_built = finder.roadmap.has_learned
+        if self._as_built:
+            self._counts = finder.as_built(self._counts)
+        self._banned: list[int] = []
         self._try_direct = True
         self._ends = finder.new_ends()
         self._joined = False
@@ -50,13 +55,13 @@ class Route:
         """
         route = Route(finder, world, None, q_start, q_goal, search)
         status, n, verdict, index = ask_map(
-            *finder.question(world, route._edge_count, q_start, q_goal, search), route._ends, finder.scratch
+            *finder.question(world, route._counts, q_start, q_goal, search), route._ends, finder.scratch
         )
         if status == DIRECT:
             route._next = route._found(np.empty(0, dtype=np.int32))
         else:
             route._try_direct, route._joined = False, True
-            route._next = route._found(finder.scratch.path[:n].copy()) if status == FOUND else NotFound("no_path", finder.no_way(world))
+            route._next = route._found(finder.scratch.path[:n].copy()) if status == FOUND else route._by_learned()
         return route, status, verdict, index
 
     def find(self) -> FoundPath | NotFound:
@@ -68,8 +73,22 @@ class Route:
             return self._found(np.empty(0, dtype=np.int32))
         self._try_direct = False
         self._join()
-        neurons = self._finder.connect(self._world, self._edge_count, self._q_start, self._q_goal, self._search, self._ends)
+        neurons = self._connect()
+        return self._by_learned() if neurons is None else self._found(neurons)
+
+    def _by_learned(self) -> FoundPath | NotFound:
+        """The best path that may use what was learned, once there is none without."""
+        neurons = None
+        if self._as_built:
+            counts = self._world.counts
+            self._counts, self._as_built, self._joined = (counts.node, counts.edge.copy()), False, False
+            np.add.at(self._counts[1], self._banned, 1)
+            self._join()
+            neurons = self._connect()
         return NotFound("no_path", self._finder.no_way(self._world)) if neurons is None else self._found(neurons)
+
+    def _connect(self) -> I32 | None:
+        return self._finder.connect(self._world, self._counts, self._q_start, self._q_goal, self._search, self._ends)
 
     def ban(self, found: FoundPath, piece: int) -> None:
         """Never again use the straight piece from ``found.q_rad[piece]`` to the next point."""
@@ -80,9 +99,11 @@ class Route:
         elif piece >= len(found.neurons):
             self._bar(GOAL, found.neurons[-1])
         else:
-            if self._edge_count is self._world.counts.edge:
-                self._edge_count = self._edge_count.copy()
-            self._edge_count[self._finder.roadmap.edge_between(found.neurons[piece - 1], found.neurons[piece])] += 1
+            node, edge = self._counts
+            if edge is self._world.counts.edge:
+                self._counts = (node, edge.copy())
+            self._banned.append(self._finder.roadmap.edge_between(found.neurons[piece - 1], found.neurons[piece]))
+            self._counts[1][self._banned[-1]] += 1
 
     def _bar(self, end: int, neuron: int) -> None:
         at = self._ends.neuron[end] == neuron
@@ -103,7 +124,7 @@ class Route:
         if self._joined:
             return
         self._joined = True
-        self._finder.join(self._world, self._q_start, self._q_goal, self._ends)
+        self._finder.join(self._counts[0], self._q_start, self._q_goal, self._ends)
         if self._leaving is None:
             return
         n_free = 0

@@ -10,7 +10,7 @@ import msgspec
 from common.cell import CellConfig
 from services.planner.config import MarginsConfig
 
-__all__ = ["Answer", "Asked", "Held", "Ready", "Setting", "Withdrawn", "read_frame", "write_frame"]
+__all__ = ["Alive", "Answer", "Asked", "Held", "Ready", "Setting", "Withdrawn", "read_frame", "write_frame"]
 
 LENGTH = struct.Struct("<I")
 
@@ -28,6 +28,10 @@ class Setting(_Frame, frozen=True, tag=True):
 
 class Ready(_Frame, frozen=True, tag=True):
     """The process has compiled everything and answers."""
+
+
+class Alive(_Frame, frozen=True, tag=True):
+    """The process still works on what it was asked."""
 
 
 class Held(msgspec.Struct, frozen=True):
@@ -68,7 +72,7 @@ class Answer(_Frame, frozen=True, tag=True):
     ms: float
 
 
-_decoder = msgspec.msgpack.Decoder(Setting | Ready | Asked | Withdrawn | Answer)
+_decoder = msgspec.msgpack.Decoder(Setting | Ready | Alive | Asked | Withdrawn | Answer)
 
 
 def write_frame(pipe: IO[bytes], frame: _Frame) -> None:

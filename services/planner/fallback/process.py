@@ -31,7 +31,7 @@ from services.planner.fallback.frames import Answer, Asked, Held, Ready, Setting
 __all__ = ["FallbackProcess", "Sent"]
 
 log = logging.getLogger("planner")
-ANSWER_WITHIN_S = 30.0  # of work; the bound by count is a few seconds, so a process that is silent for longer hangs; our choice
+SILENT_S = 30.0  # a process at work says so each second, however long its work is, so one that is silent for longer hangs; our choice
 START_WITHIN_S = 300.0  # the first start on a machine compiles
 TRIES = 2  # processes that a question is put to
 RESTART_S, RESTART_MAX_S = 0.5, 10.0  # after an end; doubled with each that came before it was ready
@@ -65,6 +65,7 @@ class FallbackProcess:
         self._n_asked = 0
         self._closing = threading.Event()
         self._ready = threading.Event()
+        self._heard_s = -np.inf
         self._child: subprocess.Popen[bytes] | None = None
         self.restarts = 0
         self._thread = threading.Thread(target=self._keep_alive, name="fallback", daemon=True)
@@ -161,6 +162,7 @@ class FallbackProcess:
         return was_ready
 
     def _hear(self, frame: Any) -> None:
+        self._heard_s = time.monotonic()
         if isinstance(frame, Ready):
             with self._lock:
                 self._ready.set()
@@ -179,9 +181,9 @@ class FallbackProcess:
         """Whether the process must be ended; questions that wait for one that is not ready are answered here."""
         now_s = time.monotonic()
         with self._lock:
-            overdue = [number for number, pending in self._pending.items() if now_s - pending.since_s > ANSWER_WITHIN_S]
+            overdue = [number for number, pending in self._pending.items() if now_s - pending.since_s > SILENT_S]
             if self._ready.is_set():
-                return bool(overdue)
+                return bool(overdue) and now_s - self._heard_s > SILENT_S
             late = [self._pending.pop(number) for number in overdue]
         for pending in late:
             pending.on_answer(SamplingAnswer(None, "the fallback process is not ready", 0, 0.0))

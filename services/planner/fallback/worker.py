@@ -22,13 +22,14 @@ from services.planner.core.check import Checker
 from services.planner.core.repair import tightened
 from services.planner.core.two_trees import Bounds, Joined, TwoTrees, no_map
 from services.planner.core.world import cells_of, no_cells
-from services.planner.fallback.frames import Answer, Asked, Held, Ready, Setting, Withdrawn, read_frame, write_frame
+from services.planner.fallback.frames import Alive, Answer, Asked, Held, Ready, Setting, Withdrawn, read_frame, write_frame
 from services.planner.kernels.cells import Cells
 from services.planner.offline.scene import Scene
 
 __all__ = ["Turns", "main"]
 
 REHEARSAL_ITERATIONS = 60
+ALIVE_S = 1.0  # between two words from a process that is at work; our choice
 KEPT = 4  # arms with boxes; our choice
 
 
@@ -120,12 +121,16 @@ def main() -> None:
     turns = Turns(Scene.of(setting.cell, setting.margins))
     turns.rehearse()
     write_frame(answers, Ready())
+    told_s = time.monotonic()
     while True:
         while len(turns) == 0 or not inbox.empty():
             turns.take(inbox.get())
         answer = turns.turn()
         if answer is not None:
             write_frame(answers, answer)
+        if time.monotonic() - told_s >= ALIVE_S:
+            write_frame(answers, Alive())
+            told_s = time.monotonic()
 
 
 if __name__ == "__main__":

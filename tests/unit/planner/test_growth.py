@@ -59,6 +59,7 @@ def test_a_grown_map_equals_one_built_from_nothing(bench, small, case):
     else:
         result = grown(small.roadmap, Addition(q_new, edges_new), small.ground)
     assert_equal(result, roadmap(np.vstack([small.q, q_new]), np.vstack([small.edges, edges_new]), small.ground))
+    assert (result.n_built, result.n_built_edges) == (10, 10) and result.has_learned and not small.roadmap.has_learned
 
 
 def test_a_cell_that_a_new_neuron_spares_can_be_avoided_from_then_on(bench):

@@ -113,6 +113,14 @@ def test_an_island_is_refused():
     assert caught.value.code == "not_joined" and caught.value.facts["distance_rad"] == pytest.approx(np.hypot(4, 5))
 
 
+def test_an_island_is_taken_in_where_there_is_no_other_way():
+    """What repair and the fallback found: an arm that is there already needs no way from the rest of the map."""
+    exactly = LearningRules(0.1, 0.05, 2, 1.0, max_neurons=100, exactly=True)
+    addition = learn(LINE, np.array([[5.0, 5.0], [5.0, 6.0]]), exactly, everything)
+    assert len(addition.neurons_rad) == 11 and not whole(LINE, addition)
+    assert set(np.unique(addition.edges)) == set(range(11, 22))
+
+
 def test_growth_is_bounded():
     few = LearningRules(0.1, 0.05, 2, 1.0, max_neurons=3)
     with pytest.raises(RequestError) as caught:
