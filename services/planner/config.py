@@ -8,7 +8,15 @@ from typing import Annotated, Literal
 from msgspec import Meta, field
 
 from common.config import Strict
-from services.planner.offline.config import ExtendConfig, GammaSomConfig, MapConfig, MotionsConfig, ProblemsConfig, SomConfig
+from services.planner.offline.config import (
+    ExtendConfig,
+    GammaSomConfig,
+    MapConfig,
+    MotionsConfig,
+    PracticeConfig,
+    ProblemsConfig,
+    SomConfig,
+)
 
 __all__ = [
     "ClearanceConfig",
@@ -153,6 +161,7 @@ class PlannerConfig(Strict, frozen=True):
 
     motions: MotionsConfig
     map: MapConfig = MapConfig()
+    practice: PracticeConfig = PracticeConfig()
     som: SomConfig = SomConfig()
     gamma_som: GammaSomConfig = GammaSomConfig()
     extend: ExtendConfig = ExtendConfig()

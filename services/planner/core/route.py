@@ -54,9 +54,7 @@ class Route:
             The route, what came of it (:mod:`services.planner.kernels.connect`), verdict and index of what blocks an end.
         """
         route = Route(finder, world, None, q_start, q_goal, search)
-        status, n, verdict, index = ask_map(
-            *finder.question(world, route._counts, q_start, q_goal, search), route._ends, finder.scratch
-        )
+        status, n, verdict, index = ask_map(*finder.question(world, route._counts, q_start, q_goal, search), route._ends, finder.scratch)
         if status == DIRECT:
             route._next = route._found(np.empty(0, dtype=np.int32))
         else:

@@ -1,4 +1,4 @@
-"""From nothing to a map that can be planned in: motions -> the chosen model -> prune -> table -> one file in the cache.
+"""From nothing to a map that can be planned in: motions -> the chosen model -> prune -> table -> practice -> one file in the cache.
 
 A job with an extension takes the kept map of the same job without it (made first where it is missing) and extends that.
 Same robot, cell, config and recorded motions give the same bytes; nothing here is bounded by time. Seconds are reported, never kept.
@@ -25,15 +25,18 @@ from services.planner.config import PlannerConfig
 from services.planner.core.cognitive_map import CognitiveMap, statistics
 from services.planner.core.layer_table import NO_LAYERS, LayerTable
 from services.planner.core.lookup import LookupTable
+from services.planner.core.roadmap import Roadmap
 from services.planner.offline import artefact
 from services.planner.offline.ahead import compile_ahead
 from services.planner.offline.config import MapConfig
+from services.planner.offline.exercises import Exercises, exercises_among_boxes, exercises_of_problems
 from services.planner.offline.extend import extend, refuse_lattice, samples_to_extend_by
 from services.planner.offline.finishing import CheckedMap, layer_rules, prune_grown, table_of
 from services.planner.offline.growth import grow, model_of, parameters_of
-from services.planner.offline.motion_store import MotionOrder, Order, make_motions, read_recorded
+from services.planner.offline.motion_store import MotionOrder, make_motions, read_recorded
 from services.planner.offline.motions import Samples, resample
-from services.planner.offline.problem_motions import ProblemOrder, TrainingProblem
+from services.planner.offline.practice import before_practice, n_to_practise, practise
+from services.planner.offline.problem_motions import ProblemMotionMaker, ProblemOrder, TrainingProblem
 from services.planner.offline.scene import Scene
 
 __all__ = ["STAGES", "Built", "Job", "load", "load_file", "load_or_build", "run"]
@@ -42,9 +45,9 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 Progress = Callable[[str, float], None]  # stage, share done 0..1
 
-STAGES = ("motions", "map", "prune", "table", "write")
+STAGES = ("motions", "map", "prune", "table", "practice", "write")
 RULES_VERSION = 4  # raise when the same config would give other motions
-MAP_VERSION = 5  # raise when the same motions would give another map
+MAP_VERSION = 8  # raise when the same motions would give another map
 
 
 def _silent(stage: str, share: float) -> None:
@@ -132,6 +135,8 @@ class Job:
         config = _digest(
             MAP_VERSION, self.motions_fingerprint, layers, parameters_of(self.config), self.config.model, _hashes(self.recorded)
         )
+        if n_to_practise(self.config) > 0:
+            config = _digest(config, self.config.practice)
         if self.problems:
             config = _digest(config, self.config.problems.n_samples, [p.digest for p in self.problems])
         if self.extension:
@@ -226,15 +231,21 @@ def run(job: Job, progress: Progress = _silent, *, force: bool = False) -> tuple
     layer_rules(job.scene.arm, job.scene.grid, job.config)  # what the table cannot hold is said before anything is made
     seconds: dict[str, float] = {}
     with _stage("motions", progress, seconds):
-        samples, n_trajectories = _samples(job, progress, force=force)
+        paths = _paths(job, progress, force=force)
+        samples = resample(paths, job.config.motions.n_samples)
+    config = before_practice(job.config)
     with _stage("map", progress, seconds):
-        grown = grow(job.config, samples, lambda share: progress("map", share))
+        grown = grow(config, samples, lambda share: progress("map", share))
     with _stage("prune", progress, seconds):
-        checked = prune_grown(job.scene, job.config, grown, samples.q_rad)
+        checked = prune_grown(job.scene, config, grown, samples.q_rad)
     with _stage("table", progress, seconds):
-        table = table_of(job.scene, job.config, checked.learned, lambda share: progress("table", share))
+        table = table_of(job.scene, config, checked.learned, lambda share: progress("table", share))
+    practised: dict[str, int] = {}
+    if n_to_practise(job.config) > 0:
+        with _stage("practice", progress, seconds):
+            checked, table, practised = _practise(job, checked, table, paths, samples, progress)
     with _stage("write", progress, seconds):
-        figures = _figures(job, checked, samples, n_trajectories, table)
+        figures = {**_figures(job, checked, samples, len(paths), table), **practised}
         sha256 = artefact.write(job.path, artefact.Artefact(_arrays(checked, table), job.fingerprints, figures))
     seconds["total"] = sum(seconds.values())
     return Built(job.path, sha256, checked.learned, table, job.fingerprints, figures, checked.lattice_unit), seconds
@@ -261,17 +272,31 @@ def _stage(name: str, progress: Progress, seconds: dict[str, float]) -> Iterator
     seconds[name] = round(time.monotonic() - start_s, 3)
 
 
-def _samples(job: Job, progress: Progress, *, force: bool) -> tuple[Samples, int]:
+def _practise(
+    job: Job, checked: CheckedMap, table: LookupTable, paths: list[F64], samples: Samples, progress: Progress
+) -> tuple[CheckedMap, LookupTable, dict[str, int]]:
+    """The map after practice, its table, and how much it practised."""
+
+    def new_exercises() -> Exercises:
+        maker, seed = _order(job).maker(), job.config.practice.seed
+        return exercises_of_problems(maker, seed) if isinstance(maker, ProblemMotionMaker) else exercises_among_boxes(maker, paths, seed)
+
+    roadmap = Roadmap.of(checked.learned, table, job.config.model)
+    done = practise(job.scene, job.config, roadmap, new_exercises, samples.q_rad, lambda share: progress("practice", share))
+    counted = {"exercises": done.n_exercises, "unanswered": done.n_unanswered, "lessons": done.n_lessons, "lesson_neurons": done.n_neurons}
+    return CheckedMap(done.learned), done.table, counted
+
+
+def _paths(job: Job, progress: Progress, *, force: bool) -> list[F64]:
     order = _order(job)
     if force:
         for chunk in order.chunks:
             order.path(chunk).unlink(missing_ok=True)
     made = make_motions(order, lambda share: progress("motions", share), lambda: compile_ahead(job.scene, job.config))
-    paths = [path for path in made if len(path)] + list(job.recorded)
-    return resample(paths, job.config.motions.n_samples), len(paths)
+    return [path for path in made if len(path)] + list(job.recorded)
 
 
-def _order(job: Job) -> Order:
+def _order(job: Job) -> MotionOrder | ProblemOrder:
     place = job.motions_dir, job.motions_fingerprint
     if job.problems:
         return ProblemOrder(job.cell, job.config.margins, job.config.problems, job.problems, *place)

@@ -58,7 +58,7 @@ class MotionMaker:
         cluttered = rng.random() < self.config.cluttered
         for _ in range(ATTEMPTS):
             q_start, q_goal = self._ends(rng)
-            cells = self._clutter(q_start, q_goal, rng) if cluttered else np.empty(0, dtype=np.int32)
+            cells = self.clutter(q_start, q_goal, rng) if cluttered else np.empty(0, dtype=np.int32)
             world = self.scene.world(self._planner, cells)
             path = self._planner.plan(world, q_start, q_goal, state)
             if path is not None:
@@ -96,7 +96,7 @@ class MotionMaker:
             code="unreachable",
         )
 
-    def _clutter(self, q_start: F64, q_goal: F64, rng: np.random.Generator) -> I32:
+    def clutter(self, q_start: F64, q_goal: F64, rng: np.random.Generator) -> I32:
         """Cells of some boxes near the straight way of tool and elbow that leave start and goal free."""
         cells = np.empty(0, dtype=np.int32)
         for _ in range(rng.integers(1, self.config.boxes_max + 1)):
@@ -106,10 +106,9 @@ class MotionMaker:
                 places = np.vstack([frames[len(frames) // 2 :, :3, 3], (frames[-1] @ self.scene.robot.T_joint_tool)[:3, 3]])
                 centre = places[rng.integers(len(places))] + rng.normal(scale=BOX_SPREAD_M, size=3)
                 box = box_cells(self.scene.grid, *random_box(centre, self.config.box_min_m, self.config.box_max_m, rng))
-                together = np.union1d(cells, box).astype(np.int32)
-                world = self.scene.world(self._planner, together)
+                world = self.scene.world(self._planner, box)
                 if self._both_free(world, q_start, q_goal):
-                    cells = together
+                    cells = np.union1d(cells, box).astype(np.int32)
                     break
         return cells
 

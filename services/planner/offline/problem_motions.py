@@ -105,7 +105,7 @@ class ProblemMotionMaker:
     """Makes the motion of any index; not for two threads at once."""
 
     def __init__(self, scene: Scene, config: ProblemsConfig, problems: Sequence[TrainingProblem]) -> None:
-        self._scene, self._config, self._problems = scene, config, problems
+        self.scene, self._config, self._problems = scene, config, problems
         self._nothing = no_cells(scene.grid)
         self._inverse = InverseKinematics(scene.robot)
         self._n_given = max(1, round((1.0 - config.random_share) * config.motions_per_problem))
@@ -129,11 +129,15 @@ class ProblemMotionMaker:
             if path is not None:
                 return planner.simplify(world, path, state)
             break  # another scene is another motion's
-        return np.empty((0, self._scene.robot.n_joints))
+        return np.empty((0, self.scene.robot.n_joints))
+
+    def moved(self, number: int, rng: np.random.Generator) -> Problem | None:
+        """A training problem somewhere else, one after the other by ``number``; None if an end cannot be reached there."""
+        return self._moved(self._problems[number % len(self._problems)], rng)
 
     def _planner_among(self, solids: tuple[SolidConfig, ...]) -> RrtConnect:
         """RRTConnect among the shapes themselves: one distance field answers what would be tens of thousands of cells."""
-        scene, parameters = self._scene, RrtParameters(max_iterations=MAX_ITERATIONS, shortcuts=SHORTCUTS)
+        scene, parameters = self.scene, RrtParameters(max_iterations=MAX_ITERATIONS, shortcuts=SHORTCUTS)
         low, high = scene.robot.position_min_rad, scene.robot.position_max_rad
         return RrtConnect(scene.arm, solids_of(solids, FIELD_M), low, high, parameters)
 
@@ -149,7 +153,7 @@ class ProblemMotionMaker:
 
     def _move(self, turn_rad: float, shift_m: F64) -> F64:
         """4x4 in the world: a turn about the first joint's axis, then a shift."""
-        chain = self._scene.robot.chain
+        chain = self.scene.robot.chain
         axis = chain.base_rotation @ chain.rotation[0] @ chain.axis[0]
         at = chain.base_rotation @ chain.translation[0] + chain.base_translation
         T = np.eye(4)
@@ -159,7 +163,7 @@ class ProblemMotionMaker:
 
     def _branch(self, T: F64, q_rad: F64, rng: np.random.Generator) -> F64 | None:
         """Any joint vector that puts the tool where ``q_rad`` has it, moved by ``T``."""
-        found = self._inverse.solve(T @ self._scene.robot.tool_pose(q_rad))
+        found = self._inverse.solve(T @ self.scene.robot.tool_pose(q_rad))
         return found[rng.integers(len(found))] if len(found) else None
 
 
