@@ -47,7 +47,7 @@ Progress = Callable[[str, float], None]  # stage, share done 0..1
 
 STAGES = ("motions", "map", "prune", "table", "practice", "write")
 RULES_VERSION = 4  # raise when the same config would give other motions
-MAP_VERSION = 8  # raise when the same motions would give another map
+MAP_VERSION = 6  # raise when the same motions would give another map
 
 
 def _silent(stage: str, share: float) -> None:
@@ -240,10 +240,8 @@ def run(job: Job, progress: Progress = _silent, *, force: bool = False) -> tuple
         checked = prune_grown(job.scene, config, grown, samples.q_rad)
     with _stage("table", progress, seconds):
         table = table_of(job.scene, config, checked.learned, lambda share: progress("table", share))
-    practised: dict[str, int] = {}
-    if n_to_practise(job.config) > 0:
-        with _stage("practice", progress, seconds):
-            checked, table, practised = _practise(job, checked, table, paths, samples, progress)
+    with _stage("practice", progress, seconds):
+        checked, table, practised = _practise(job, checked, table, paths, samples, progress)
     with _stage("write", progress, seconds):
         figures = {**_figures(job, checked, samples, len(paths), table), **practised}
         sha256 = artefact.write(job.path, artefact.Artefact(_arrays(checked, table), job.fingerprints, figures))
@@ -275,7 +273,9 @@ def _stage(name: str, progress: Progress, seconds: dict[str, float]) -> Iterator
 def _practise(
     job: Job, checked: CheckedMap, table: LookupTable, paths: list[F64], samples: Samples, progress: Progress
 ) -> tuple[CheckedMap, LookupTable, dict[str, int]]:
-    """The map after practice, its table, and how much it practised."""
+    """The map after practice, its table, and how much it practised; as it is where nothing is left to practice."""
+    if n_to_practise(job.config) == 0:
+        return checked, table, {}
 
     def new_exercises() -> Exercises:
         maker, seed = _order(job).maker(), job.config.practice.seed
