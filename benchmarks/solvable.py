@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import numpy as np
 
 from benchmarks.questions import Question
 from common.cell import load
+from common.errors import TolmanError
 from services.planner.assemble import Parts, assemble
 from services.planner.config import PlannerConfig
 from services.planner.core.arm import solids_of
@@ -61,8 +63,14 @@ def are_solvable(config_path: Path | None, overrides: Sequence[str], questions: 
     Args:
         config_path, overrides: of the cell, as for :func:`common.cell.load`; the map must be there already.
         questions: of that cell.
+
+    Raises:
+        TolmanError: ``worker_lost``: a process was ended from outside.
     """
     if not questions:
         return
-    with ProcessPoolExecutor(N_WORKERS, get_context("spawn"), initializer=_begin, initargs=(config_path, overrides)) as workers:
-        yield from workers.map(_one, questions)
+    try:
+        with ProcessPoolExecutor(N_WORKERS, get_context("spawn"), initializer=_begin, initargs=(config_path, overrides)) as workers:
+            yield from workers.map(_one, questions)
+    except BrokenProcessPool:
+        raise TolmanError("a process that proves which questions can be solved was ended; ask again", code="worker_lost") from None

@@ -22,7 +22,7 @@ def test_each_size_is_built_asked_and_drawn(tmp_path: Path, capsys: pytest.Captu
     assert (small["neurons"], large["neurons"]) == (60, 120) and small["cell_m"] == large["cell_m"] == 0.04
     assert 0 < small["table_bytes"] < large["table_bytes"] and 0 < small["layer_bytes"] < large["layer_bytes"]
     for row in (small, large):
-        assert set(row["build_s"]) == {"motions", "map", "prune", "table", "write", "total"}
+        assert set(row["build_s"]) == {"motions", "map", "prune", "table", "practice", "write", "total"}
         assert row["components"] == 1 and row["n_questions"] == 3 and 0 <= row["n_solved"] <= row["n_solvable"] <= 3
         assert row["artefact_bytes"] > row["table_bytes"] + row["layer_bytes"]
         assert row["build_peak_bytes"] > 10_000_000 and row["planner_bytes"] > 10_000_000

@@ -11,6 +11,7 @@ from common.cell import CellConfig, SolidConfig
 from common.robot.model import RobotModel, load_robot
 from services.planner.config import PlannerConfig
 from services.planner.offline.config import MotionsConfig, ProblemsConfig
+from services.planner.offline.exercises import exercises_of_problems
 from services.planner.offline.motion_store import make_motions
 from services.planner.offline.problem_cell import problem_cell
 from services.planner.offline.problem_motions import ProblemMotionMaker, ProblemOrder, TrainingProblem, training_problems
@@ -104,3 +105,15 @@ def test_a_problem_without_solution_gives_no_motion(order: ProblemOrder) -> None
     closed = Problem("walls", 1, order.problems[0].problem.q_start, order.problems[0].problem.q_goal, (wall,))
     maker = ProblemMotionMaker(Scene.of(order.cell, order.margins), CONFIG, training_problems([closed]))
     assert maker.motion(0).shape == (0, 6)
+
+
+def test_exercises_are_the_scenes_moved_as_cells(order: ProblemOrder) -> None:
+    exercises, again = (exercises_of_problems(order.maker(), 0) for _ in range(2))
+    drawn = [exercises(k) for k in range(12)]
+    asked = [exercise for exercise in drawn if exercise is not None]
+    assert len(asked) >= 4 and all(len(exercise.cells) > 50 for exercise in asked)
+    assert len({exercise.cells.tobytes() for exercise in asked}) == len(asked)
+    for k in (7, 2):
+        one, other = drawn[k], again(k)
+        assert (one is None) == (other is None)
+        assert one is None or other is None or one.cells.tobytes() + one.q_goal.tobytes() == other.cells.tobytes() + other.q_goal.tobytes()
