@@ -6,10 +6,12 @@ import numpy as np
 
 from services.planner.config import PlannerConfig
 from services.planner.core.gng import GrowingNeuralGas
+from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import no_cells
 from services.planner.offline.cycles import with_useful_cycles
 from services.planner.offline.finishing import table_of
 from services.planner.offline.growth import gas_parameters
+from services.planner.offline.practice import rehearse
 from services.planner.offline.scene import Scene
 
 __all__ = ["compile_ahead"]
@@ -19,7 +21,7 @@ TURN_RAD = 0.1  # our choice: how far the samples turn every joint
 
 
 def compile_ahead(scene: Scene, config: PlannerConfig) -> None:
-    """Grow a gas of a few neurons about the home pose, look whether it is free, make its table with layers; nothing is kept.
+    """Grow a gas of a few neurons about the home pose, look whether it is free, make its table with layers, practise; nothing is kept.
 
     A lattice's own kernels (SOM, gamma-SOM) are not among it: they compile in a second or two.
     """
@@ -29,4 +31,4 @@ def compile_ahead(scene: Scene, config: PlannerConfig) -> None:
     checker.pose(nothing, grown.q_rad[0])
     checker.segment(nothing, *grown.q_rad[grown.edges[0]])
     with_useful_cycles(grown, lambda _a, _b: True, 1.0, N_NEURONS)
-    table_of(scene, config, grown, lambda _share: None)
+    rehearse(scene, config, Roadmap.of(grown, table_of(scene, config, grown, lambda _share: None), "gng"))

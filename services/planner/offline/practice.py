@@ -41,10 +41,11 @@ from services.planner.offline.finishing import layer_rules
 from services.planner.offline.pruning import fill_up
 from services.planner.offline.scene import Scene
 
-__all__ = ["Practised", "before_practice", "n_to_practise", "practise"]
+__all__ = ["Practised", "before_practice", "n_to_practise", "practise", "rehearse"]
 
 F64 = NDArray[np.float64]
 FIRST_ROUND, ROUNDS = 50, 8  # our choice: a round is twice the last one, up to an eighth of all; small maps are soon full
+REHEARSED_RAD = 0.5  # of every joint; our choice
 
 
 def n_to_practise(config: PlannerConfig) -> int:
@@ -107,6 +108,19 @@ def practise(
     return Practised(learned, whole.table, n_done, pupil.n_unanswered, pupil.n_lessons, n_neurons)
 
 
+def rehearse(scene: Scene, config: PlannerConfig, roadmap: Roadmap) -> None:
+    """Go once through what practice calls, so that it is compiled; nothing is kept."""
+    home = scene.robot.home_rad
+    exercise = Exercise(home, home + REHEARSED_RAD, np.empty(0, dtype=np.int32))
+    desk = _Desk(scene, config, lambda _number: exercise)
+    desk.lessons(roadmap, 1, 0)
+    counts = roadmap.counts(scene.grid)
+    counts.node[:] = 1  # a map of which nothing is free: both trees begin with their ends alone
+    desk.repaired(roadmap, World.of(scene.grid, counts), exercise)
+    middle = Addition(roadmap.neurons_rad.mean(axis=0)[None], np.array([[0, roadmap.n_neurons]], dtype=np.int32))
+    _Pupil(scene, config, roadmap).take_in([[middle]])
+
+
 def _at_a_desk(desks: SimpleQueue[_Desk], roadmap: Roadmap, room: int, number: int) -> list[Addition] | None:
     desk = desks.get()
     try:
@@ -136,11 +150,12 @@ class _Desk:
         route, status, _, _ = Route.ask(finder, world, exercise.q_start, exercise.q_goal, "dijkstra")
         if status != NO_WAY or isinstance(route.find(), FoundPath):
             return None
-        joined = self._repaired(roadmap, world, exercise)
+        joined = self.repaired(roadmap, world, exercise)
         stretches = [] if joined is None else _beside_the_map(roadmap, joined)
         return [addition for stretch in stretches if (addition := self._learned(roadmap, room, stretch)) is not None]
 
-    def _repaired(self, roadmap: Roadmap, world: World, exercise: Exercise) -> Joined | None:
+    def repaired(self, roadmap: Roadmap, world: World, exercise: Exercise) -> Joined | None:
+        """A way of an exercise through and beside the map."""
         robot, goals, counts = self._scene.robot, exercise.q_goal[None], world.counts
         joint_range = (robot.position_min_rad, robot.position_max_rad)
         state = seed_of(counts.cells, exercise.q_start, goals)
