@@ -19,7 +19,7 @@ from rich.progress import track
 from rich.table import Table
 
 from benchmarks.answers import Answerer, fallback_of
-from benchmarks.peers.peer import TIME_LIMIT_S, Peer, Setting
+from benchmarks.peers.peer import TIME_LIMIT_S, Peer, Setting, path_length_rad
 from benchmarks.peers.registry import PEERS, make_peer
 from benchmarks.provenance import provenance
 from benchmarks.questions import SETS, Question, questions
@@ -131,7 +131,8 @@ def _cells(name: str, row: dict[str, Any]) -> list[str]:
 
 
 def _plain(attempt: Attempt) -> dict[str, Any]:
-    """One attempt for the JSON, without its path."""
+    """One attempt for the JSON: of its path only the length."""
     solved = attempt.path_rad is not None
     facts = {"planner": attempt.planner, "kind": attempt.kind, "question": attempt.question, "solved": solved}
-    return {**facts, "ms": round(attempt.ms, 3), "collides": attempt.collides}
+    length_rad = None if attempt.path_rad is None else round(path_length_rad(attempt.path_rad), 4)
+    return {**facts, "ms": round(attempt.ms, 3), "length_rad": length_rad, "collides": attempt.collides}

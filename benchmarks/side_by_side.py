@@ -78,7 +78,8 @@ def figures_of(attempts: Sequence[Attempt], limit_ms: float) -> dict[str, Any]:
     """For each planner and kind: how much it solves, how long it takes, how long its paths are, how many collide.
 
     Questions that nobody solved are left out: no time could be given for them. A failure counts at ``limit_ms``. Lengths are compared
-    with ours of the same kind where both have a path: the ratio theirs / ours. Beside our refined stands what of theirs is smoothed.
+    with ours of the same kind where both have a path: theirs / ours (``length_to_ours``) and ours / theirs (``ours_to_length``), since the
+    tail of the one is not that of the other. Beside our refined stands what of theirs is smoothed.
     """
     solvable = sorted({a.question for a in attempts if a.path_rad is not None})
     names = list(dict.fromkeys(a.planner for a in attempts))
@@ -108,9 +109,8 @@ def _row(mine: dict[int, Attempt], ours: dict[int, Attempt], solvable: Sequence[
         "time_ms": _percentiles([mine[k].ms if mine[k].path_rad is not None else limit_ms for k in solvable]),
         "solved_time_ms": _percentiles([mine[k].ms for k in solved]),
         "length_rad_median": round(float(np.median(list(lengths.values()))), 3) if lengths else None,
-        "length_to_ours": {"median": round(float(np.median(ratios)), 3), "p95": round(float(np.percentile(ratios, 95.0)), 3)}
-        if ratios
-        else None,
+        "length_to_ours": _middle_and_tail(ratios),
+        "ours_to_length": _middle_and_tail([1.0 / ratio for ratio in ratios]),
         "n_compared": len(ratios),
         "collisions": sum(bool(mine[k].collides) for k in solved),
     }
@@ -119,6 +119,10 @@ def _row(mine: dict[int, Attempt], ours: dict[int, Attempt], solvable: Sequence[
 def _length(attempt: Attempt) -> float:
     assert attempt.path_rad is not None
     return path_length_rad(attempt.path_rad)
+
+
+def _middle_and_tail(ratios: Sequence[float]) -> dict[str, float] | None:
+    return {"median": round(float(np.median(ratios)), 3), "p95": round(float(np.percentile(ratios, 95.0)), 3)} if ratios else None
 
 
 def _percentiles(values: Sequence[float]) -> dict[str, float] | None:

@@ -36,6 +36,7 @@ def test_failures_count_at_the_limit_and_what_nobody_solves_is_left_out() -> Non
     assert (mine["time_ms"]["p50"], mine["time_ms"]["worst"]) == (3.0, LIMIT_MS)
     assert (mine["solved_time_ms"]["worst"], theirs["solved_time_ms"]["worst"]) == (3.0, 20.0)
     assert (theirs["length_to_ours"], theirs["n_compared"]) == ({"median": 2.0, "p95": 2.0}, 1), "only where both have a path"
+    assert theirs["ours_to_length"] == {"median": 0.5, "p95": 0.5}
     assert theirs["times_ours"]["p50"] == pytest.approx(20.0 / 3.0, abs=0.01)
     assert (mine["collisions"], theirs["collisions"]) == (0, 1)
 
