@@ -136,8 +136,30 @@ class SlowTwoTrees:
     def _about(self, middle, most_rad):
         return np.clip([x + (2.0 * self.rng.uniform() - 1.0) * most_rad for x in middle], self.q_min, self.q_max)
 
+    def _march(self, tree, origin, target, reach):
+        """Without a map: steps of RANGE_RAD, each wholly free."""
+        last, walked = None, 0.0
+        while True:
+            begin = last or origin
+            far = self._far(begin.q, target)
+            if far == 0.0:
+                return True, begin
+            share = min(1.0, kernel.RANGE_RAD / far)
+            end = begin.q + share * (target - begin.q)
+            if self._verdict(begin.q, end)[0] != FREE:
+                return False, last
+            if share == 1.0:
+                return True, begin
+            last = Node(end, begin)
+            tree.append(last)
+            walked += kernel.RANGE_RAD
+            if walked >= reach:
+                return False, last
+
     def _extend(self, tree, origin, target, reach):
         """(reached?, the last node: None if nothing was added and the target was not reached)."""
+        if len(self.node_count) == 0:
+            return self._march(tree, origin, target, reach)
         far = self._far(origin.q, target)
         if far == 0.0:
             return True, origin

@@ -44,7 +44,12 @@ LEAST_RAD = 0.1  # a shorter one adds nothing; our choice
 # off_task) that the map did not answer, 4 generators each, 2 000 samples: 0.71 solved without the last kind (0.3, 0.2, 0.2, 0), 0.81 with
 # it within 1.2 rad of a blocked neuron, 0.86 within 2 rad.
 SHARES = (0.1, 0.2, 0.1, 0.5)
-SHARES_WITHOUT_MAP = (0.0, 0.5, 0.2, 0.0)  # our choice
+SHARES_WITHOUT_MAP = (
+    0.0,
+    0.5,
+    0.2,
+    0.0,
+)  # measured on six hard questions: (0, 0, 0, 0) takes 1 to 5 times the samples, (0, 0.2, 0.1, 0) up to 2
 BLOCKED_RAD, NEAR_RAD = 2.0, 0.5  # each joint is at most so far from the neuron's or the node's
 NEURON_DRAWS = 8  # until a free neuron of no tree is met
 
@@ -218,6 +223,37 @@ def _extend(space, trees, side, origin, target, reach_rad, rotation, translation
 
 
 @njit(cache=True, nogil=True)
+def _march(space, trees, side, origin, target, reach_rad):  # type: ignore[no-untyped-def]
+    """Steps of at most RANGE_RAD from node ``origin`` straight to ``target``, each wholly free; as :func:`_extend`, but where a step is
+    blocked nothing is added. Without a map most growths are blocked, and a line that is blocked shows it early where it is not asked
+    how far it is free. Measured: a sample takes 0.03 instead of 0.10 ms, and no more of them are needed.
+    """
+    walked = 0.0
+    while True:
+        start = trees.q_rad[side, origin]
+        far = _distance(start, target)
+        if far == 0.0:
+            return True, origin
+        share = min(1.0, RANGE_RAD / far)
+        end = start + share * (target - start)
+        if trees.n_nodes[side] == trees.parent.shape[1] or not _is_free(space, start, end):
+            return False, origin
+        if share == 1.0:
+            return True, origin
+        origin = _append(trees, side, end, origin, NO_NEURON)
+        walked += RANGE_RAD
+        if walked >= reach_rad:
+            return False, origin
+
+
+@njit(cache=True, nogil=True)
+def _grow_to(space, trees, side, origin, target, reach_rad, rotation, translation):  # type: ignore[no-untyped-def]
+    if len(space.node_count) == 0:
+        return _march(space, trees, side, origin, target, reach_rad)
+    return _extend(space, trees, side, origin, target, reach_rad, rotation, translation)
+
+
+@njit(cache=True, nogil=True)
 def _about(space, trees, middle, most_rad, q):  # type: ignore[no-untyped-def]
     """Fill ``q`` with a point of the box whose joints are at most ``most_rad`` from those of ``middle``."""
     for j in range(len(q)):
@@ -274,7 +310,7 @@ def grow(space, trees, n_iterations, max_iterations):  # type: ignore[no-untyped
         trees.tally[SIDE] = other
         neuron = _sample(space, trees, side, q)
         origin, reach_rad = _nearest(trees, side, q), RANGE_RAD if neuron == NO_NEURON else np.inf
-        reached, last = _extend(space, trees, side, origin, q, reach_rad, rotation, translation)
+        reached, last = _grow_to(space, trees, side, origin, q, reach_rad, rotation, translation)
         if reached and neuron != NO_NEURON:
             first = trees.n_nodes[side]
             trees.cost[neuron], trees.via[neuron] = 0.0, last
@@ -285,7 +321,7 @@ def grow(space, trees, n_iterations, max_iterations):  # type: ignore[no-untyped
         elif last == origin:
             continue
         met = trees.q_rad[side, last].copy()
-        reached, at = _extend(space, trees, other, _nearest(trees, other, met), met, np.inf, rotation, translation)
+        reached, at = _grow_to(space, trees, other, _nearest(trees, other, met), met, np.inf, rotation, translation)
         if reached:
             trees.joint[side], trees.joint[other] = last, at
             return JOINED
