@@ -226,7 +226,8 @@ def _extend(space, trees, side, origin, target, reach_rad, rotation, translation
 def _march(space, trees, side, origin, target, reach_rad):  # type: ignore[no-untyped-def]
     """Steps of at most RANGE_RAD from node ``origin`` straight to ``target``, each wholly free; as :func:`_extend`, but where a step is
     blocked nothing is added. Without a map most growths are blocked, and a line that is blocked shows it early where it is not asked
-    how far it is free. Measured: a sample takes 0.03 instead of 0.10 ms, and no more of them are needed.
+    how far it is free. Measured: a sample takes 0.03 instead of 0.10 ms; of seven hard questions four
+    more are solved in the same time, one is lost.
     """
     walked = 0.0
     while True:
