@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from services.planner.core.find import Counts, PathFinder
 from services.planner.core.found import FoundPath, NotFound
 from services.planner.core.world import Leaving, World
-from services.planner.kernels.connect import BARRED, DIRECT, FOUND, FREE_CONNECTIONS, GOAL, JOINS, START, ask_map
+from services.planner.kernels.connect import BARRED, DIRECT, FOUND, FREE_CONNECTIONS, GOAL, JOINS, NO_WAY, START, ask_map
 
 __all__ = ["Route"]
 
@@ -59,7 +59,10 @@ class Route:
             route._next = route._found(np.empty(0, dtype=np.int32))
         else:
             route._try_direct, route._joined = False, True
-            route._next = route._found(finder.scratch.path[:n].copy()) if status == FOUND else route._by_learned()
+            if status == FOUND:
+                route._next = route._found(finder.scratch.path[:n].copy())
+            elif status == NO_WAY:  # an end that is blocked is no question for what was learned
+                route._next = route._by_learned()
         return route, status, verdict, index
 
     def find(self) -> FoundPath | NotFound:
