@@ -100,7 +100,7 @@ class SlowTwoTrees:
     def _iterate(self, side):
         mine, others = self.trees[side], self.trees[1 - side]
         q, neuron = self._sample(mine, others)
-        reached, last = self._extend(mine, self._nearest(mine, q), q, kernel.RANGE_RAD if neuron < 0 else np.inf)
+        reached, last = self._march(mine, self._nearest(mine, q), q, kernel.RANGE_RAD if neuron < 0 else np.inf)
         if reached and neuron >= 0:
             first = len(mine)
             self._take_in(side, {neuron: (0.0, last)})
@@ -110,7 +110,7 @@ class SlowTwoTrees:
             mine.append(last)
         elif last is None:
             return None
-        reached, at = self._extend(others, self._nearest(others, last.q), last.q, np.inf)
+        reached, at = self._march(others, self._nearest(others, last.q), last.q, np.inf)
         if not reached:
             return None
         return (last, at) if side == 0 else (at, last)
@@ -126,7 +126,9 @@ class SlowTwoTrees:
                 if n not in self.tree_of:
                     return self.roadmap.neurons_rad[n], n
         elif kind < second:
-            return others[int(self.rng.uniform() * len(others))].q, -1
+            other = others[int(self.rng.uniform() * len(others))].q
+            share = self.rng.uniform()
+            return self._about(other + share * (self._nearest(mine, other).q - other), kernel.BETWEEN_RAD), -1
         elif kind < third:
             return self._about(mine[int(self.rng.uniform() * len(mine))].q, kernel.NEAR_RAD), -1
         elif kind < fourth and blocked:
@@ -137,7 +139,7 @@ class SlowTwoTrees:
         return np.clip([x + (2.0 * self.rng.uniform() - 1.0) * most_rad for x in middle], self.q_min, self.q_max)
 
     def _march(self, tree, origin, target, reach):
-        """Without a map: steps of RANGE_RAD, each wholly free."""
+        """Steps of RANGE_RAD, each wholly free: (reached?, the last node: None if nothing was added and the target was not reached)."""
         last, walked = None, 0.0
         while True:
             begin = last or origin
@@ -155,27 +157,6 @@ class SlowTwoTrees:
             walked += kernel.RANGE_RAD
             if walked >= reach:
                 return False, last
-
-    def _extend(self, tree, origin, target, reach):
-        """(reached?, the last node: None if nothing was added and the target was not reached)."""
-        if len(self.node_count) == 0:
-            return self._march(tree, origin, target, reach)
-        far = self._far(origin.q, target)
-        if far == 0.0:
-            return True, origin
-        share = min(1.0, reach / far)
-        verdict, _, blocked = self._verdict(origin.q, origin.q + share * (target - origin.q))
-        length = share * far
-        if verdict != FREE:
-            length = blocked * length - kernel.BACK_RAD
-            if length < kernel.LEAST_RAD or self.checker.pose(self.cells, origin.q + (length / far) * (target - origin.q))[0] != FREE:
-                return False, None
-        reached = verdict == FREE and share == 1.0
-        n, last, begin = math.ceil(length / kernel.NODE_RAD), origin, origin.q
-        for piece in range(1, n if reached else n + 1):
-            last = Node(begin + (length / far) * (piece / n) * (target - begin), last)
-            tree.append(last)
-        return reached, last
 
     def _verdict(self, q_a, q_b):
         c = self.checker

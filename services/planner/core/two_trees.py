@@ -13,6 +13,7 @@ from services.planner.core.neuron_index import index_neurons
 from services.planner.kernels import repair as kernel
 from services.planner.kernels.cells import Cells
 from services.planner.kernels.connect import Graph
+from services.planner.kernels.way import new_rooms
 
 __all__ = ["FINER", "Bounds", "Joined", "TwoTrees", "no_map", "seed_of"]
 
@@ -84,7 +85,7 @@ class TwoTrees:
         self._space = kernel.Space(
             checker.arm, checker.solids, cells, checker.safety_m, step_m, *joint_range, graph, node_count, edge_count, free, blocked
         )
-        self._trees = _trees(len(node_count), len(edge_count), len(q_start), len(q_goals), rng, bounds)
+        self._trees = _trees(len(node_count), len(edge_count), len(q_start), len(q_goals), len(new_rooms(checker.arm, 1)[0]), rng, bounds)
         self._roots = [(0, 0), *((1, g) for g in range(len(q_goals)))]
         self._state = int(kernel.GROWING)
         kernel.plant(self._trees, *self._ends)
@@ -120,11 +121,12 @@ class TwoTrees:
         return nodes
 
 
-def _trees(n_neurons: int, n_edges: int, n_joints: int, n_goals: int, rng: U64, bounds: Bounds) -> kernel.Trees:
+def _trees(n_neurons: int, n_edges: int, n_joints: int, n_goals: int, n_rooms: int, rng: U64, bounds: Bounds) -> kernel.Trees:
     room = n_neurons + n_goals + bounds.nodes
     in_heap = bounds.connections * n_goals + 2 * n_edges + n_neurons + 1
     return kernel.Trees(
         q_rad=np.empty((2, room, n_joints)),
+        column_rad=np.empty((2, n_joints, room)),
         parent=np.empty((2, room), dtype=np.int32),
         neuron=np.empty((2, room), dtype=np.int32),
         n_nodes=np.zeros(2, dtype=np.int64),
@@ -138,4 +140,5 @@ def _trees(n_neurons: int, n_edges: int, n_joints: int, n_goals: int, rng: U64, 
         tally=np.zeros(3, dtype=np.int64),
         best=np.empty(1),
         joint=np.full(2, -1, dtype=np.int64),
+        room_m=np.empty((2, room, n_rooms)),
     )

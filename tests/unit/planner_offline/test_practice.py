@@ -31,7 +31,7 @@ TABLE = ("node_offset", "node_owner", "edge_offset", "edge_owner", "unavoidable"
 
 @pytest.fixture(scope="module")
 def config(small: PlannerConfig) -> PlannerConfig:
-    return msgspec.structs.replace(small, practice=PracticeConfig(share=0.2, exercises_per_neuron=2.0))
+    return msgspec.structs.replace(small, practice=PracticeConfig(share=0.4, exercises_per_neuron=2.0))
 
 
 @pytest.fixture(scope="module")
@@ -59,9 +59,9 @@ def test_it_only_grows_and_stays_whole(
     scene: Scene, config: PlannerConfig, before: tuple[Roadmap, list[np.ndarray]], practised: practice.Practised
 ) -> None:
     roadmap, learned = before[0], practised.learned
-    assert (roadmap.n_neurons, learned.n_neurons) == (120, 150)
-    assert practised.n_lessons >= 3 and 0 < practised.n_neurons <= 30 and practised.n_unanswered >= practised.n_lessons // 3
-    np.testing.assert_array_equal(learned.q_rad[:120], roadmap.neurons_rad)
+    assert (roadmap.n_neurons, learned.n_neurons) == (90, 150)
+    assert practised.n_lessons >= 3 and 0 < practised.n_neurons <= 60 and practised.n_unanswered >= practised.n_lessons // 3
+    np.testing.assert_array_equal(learned.q_rad[:90], roadmap.neurons_rad)
     np.testing.assert_array_equal(learned.edges[: roadmap.n_edges], roadmap.edges)
     assert len(np.unique(components(learned.n_neurons, learned.edges))) == 1
     assert len(np.unique(learned.edges, axis=0)) == len(learned.edges)
