@@ -75,7 +75,8 @@ class Answerer:
             thinking = Thinking(self._planner, world, ask, question.q_goal[None], self._rules, motion.reason)
             motion = think(thinking, world, watch, self._sampler)
         watch.add("answer", began)
-        watch.ms["connect_search"] = watch.ms["update"] + watch.ms["search"] + watch.ms.get("repair", 0.0)
+        thought_ms = watch.ms.get("repair", 0.0) + watch.ms.get("fallback", 0.0)  # side by side in part, so rather too much
+        watch.ms["connect_search"] = watch.ms["update"] + watch.ms["search"] + thought_ms
         if not isinstance(motion, Motion):
             return Answer(motion, watch.ms)
         refined = self._planner.refined(world, ask, motion, watch)
