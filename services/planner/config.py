@@ -138,7 +138,8 @@ class RepairConfig(Strict, frozen=True):
 class FallbackConfig(Strict, frozen=True):
     """Bounds of the search in the whole joint space, in a process of its own."""
 
-    # Samples; about 4 s where there is no way. Measured: six questions that are hard for it took 1 800 to 86 000, by the seed.
+    # Samples; 7 to 11 s where there is no way. Measured: of 28 hard questions, 3 generators each, 0.96 were solved
+    # within them, half in 0.05 s; two that were not were open after 400 000 too.
     iterations: Annotated[int, Meta(ge=1, le=10_000_000)] = 90_000
 
 
