@@ -25,12 +25,12 @@ def keep_compiled_kernels(root: Path = ROOT) -> None:
 
 
 def digest_of_kernels(root: Path) -> str:
-    """16 hex digits of all sources below ``common`` and ``services`` that mention numba."""
+    """16 hex digits of all sources below ``common`` and ``services`` that have kernels."""
     digest = hashlib.sha256()
     for package in ("common", "services"):
         for path in sorted((root / package).rglob("*.py")):
             source = path.read_bytes()
-            if b"numba" in source:
+            if b"numba" in source or b"common.kernel" in source:
                 digest.update(str(path.relative_to(root)).encode())
                 digest.update(source)
     return digest.hexdigest()[:16]

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from common.kernel import leaf
 from common.robot.kernels import body_grid, look_near, to_joint_frame
 
 __all__ = ["cover_distance", "pair_distance", "to_parts", "to_world"]
@@ -14,7 +14,7 @@ __all__ = ["cover_distance", "pair_distance", "to_parts", "to_world"]
 AMPLE_M = 0.05  # our choice
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def pair_distance(grids, a, b, rotation, translation, fine_m):  # type: ignore[no-untyped-def]
     """Lower bound in metres of the distance between bodies ``a`` and ``b`` (negative: overlap).
 
@@ -56,7 +56,7 @@ def pair_distance(grids, a, b, rotation, translation, fine_m):  # type: ignore[n
     return best
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def to_parts(grids, b, x, y, z):  # type: ignore[no-untyped-def]
     """Coarse lower bound in metres of the distance from a point in body ``b``'s joint frame to it, at any range."""
     nearest = np.inf
@@ -65,7 +65,7 @@ def to_parts(grids, b, x, y, z):  # type: ignore[no-untyped-def]
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def cover_distance(grids, b, x, y, z, enough_m):  # type: ignore[no-untyped-def]
     """Lower bound in metres of the distance from body ``b`` to a point in its joint frame, at most ``enough_m``.
 
@@ -81,18 +81,15 @@ def cover_distance(grids, b, x, y, z, enough_m):  # type: ignore[no-untyped-def]
     return best
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _to_sphere(spheres, i, x, y, z):  # type: ignore[no-untyped-def]
     dx, dy, dz = spheres[i, 0] - x, spheres[i, 1] - y, spheres[i, 2] - z
     return math.sqrt(dx * dx + dy * dy + dz * dz) - spheres[i, 3]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def to_world(rotation, translation, points, i):  # type: ignore[no-untyped-def]
-    """Row ``i`` of ``points`` (n, 3 or more), given in the frame with pose ``rotation`` (3, 3), ``translation`` (3,), in the world.
-
-    The row is indexed here and not sliced by the caller: a slice of an array costs numba a reference count.
-    """
+    """Row ``i`` of ``points`` (n, 3 or more), given in the frame with pose ``rotation`` (3, 3), ``translation`` (3,), in the world."""
     x, y, z = points[i, 0], points[i, 1], points[i, 2]
     return (
         translation[0] + rotation[0, 0] * x + rotation[0, 1] * y + rotation[0, 2] * z,

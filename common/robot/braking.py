@@ -11,9 +11,9 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import kernel
 from common.robot.trajectory import JointTrajectory
 
 __all__ = ["Brake", "brake_along"]
@@ -62,7 +62,7 @@ def brake_along(path: JointTrajectory, max_acceleration_rad_s2: F64) -> Brake:
     return _as_curve(path, times, path_times, np.sqrt(squares))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _slow_down(grid, slopes, curvatures, max_acceleration, time_s, x, times, path_times, squares):  # type: ignore[no-untyped-def]
     """Walk along ``grid`` (N,) from ``time_s`` and x on, as hard as allowed; fills time, path time and x at each knot, returns how many."""
     n_joints = len(max_acceleration)

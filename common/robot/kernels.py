@@ -10,8 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from common.kernel import copy_row, leaf
 
 __all__ = [
     "FAR",
@@ -72,26 +73,24 @@ class BodyGrids(NamedTuple):
     group_offset: I64  # (B + 1,) into group_m
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def forward_kinematics(chain, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
     """World poses of all frames: fills ``rotation`` (J + 1, 3, 3) and ``translation`` (J + 1, 3) for ``q_rad`` (J,).
 
     Source: product of fixed placement and joint motion (Rodrigues' formula about the joint's axis), as in any robotics text.
     """
-    rotation[0] = chain.base_rotation
-    translation[0] = chain.base_translation
+    for r in range(3):
+        copy_row(chain.base_rotation[r], rotation[0, r])
+    copy_row(chain.base_translation, translation[0])
     for j in range(len(q_rad)):
-        parent, placed = rotation[j], np.empty((3, 3))
+        parent, placed, fixed = rotation[j], rotation[j + 1], chain.rotation[j]
         for r in range(3):
             translation[j + 1, r] = translation[j, r]
             for c in range(3):
                 translation[j + 1, r] += parent[r, c] * chain.translation[j, c]
-                placed[r, c] = (
-                    parent[r, 0] * chain.rotation[j, 0, c] + parent[r, 1] * chain.rotation[j, 1, c] + parent[r, 2] * chain.rotation[j, 2, c]
-                )
-        x, y, z = chain.axis[j]
+                placed[r, c] = parent[r, 0] * fixed[0, c] + parent[r, 1] * fixed[1, c] + parent[r, 2] * fixed[2, c]
+        x, y, z = chain.axis[j, 0], chain.axis[j, 1], chain.axis[j, 2]
         if chain.prismatic[j]:
-            rotation[j + 1] = placed
             for r in range(3):
                 translation[j + 1, r] += q_rad[j] * (placed[r, 0] * x + placed[r, 1] * y + placed[r, 2] * z)
             continue
@@ -102,19 +101,19 @@ def forward_kinematics(chain, q_rad, rotation, translation):  # type: ignore[no-
         m20, m21, m22 = z * x * k - y * s, z * y * k + x * s, cosine + z * z * k
         for r in range(3):
             a, b, d = placed[r, 0], placed[r, 1], placed[r, 2]
-            rotation[j + 1, r, 0] = a * m00 + b * m10 + d * m20
-            rotation[j + 1, r, 1] = a * m01 + b * m11 + d * m21
-            rotation[j + 1, r, 2] = a * m02 + b * m12 + d * m22
+            placed[r, 0] = a * m00 + b * m10 + d * m20
+            placed[r, 1] = a * m01 + b * m11 + d * m21
+            placed[r, 2] = a * m02 + b * m12 + d * m22
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def forward_kinematics_batch(chain, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
     """:func:`forward_kinematics` for ``q_rad`` (K, J) into (K, J + 1, 3, 3) and (K, J + 1, 3)."""
     for k in range(len(q_rad)):
         forward_kinematics(chain, q_rad[k], rotation[k], translation[k])
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def to_joint_frame(rotation, translation, x, y, z):  # type: ignore[no-untyped-def]
     """World point into the frame with pose ``rotation`` (3, 3), ``translation`` (3,)."""
     x, y, z = x - translation[0], y - translation[1], z - translation[2]
@@ -125,12 +124,9 @@ def to_joint_frame(rotation, translation, x, y, z):  # type: ignore[no-untyped-d
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def body_grid(grids, b):  # type: ignore[no-untyped-def]
-    """The scalars of body ``b``'s grid for :func:`look_up`.
-
-    Fetched once before a loop, since numba pays a reference count for each array access.
-    """
+    """The scalars of body ``b``'s grid for :func:`look_up`."""
     return (
         grids.offset[b],
         grids.origin_m[b, 0],
@@ -143,7 +139,7 @@ def body_grid(grids, b):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def look_up(distance, grid, x, y, z):  # type: ignore[no-untyped-def]
     """Lower bound in metres of the signed distance of a point in the body's joint frame; ``FAR`` beyond the grid.
 
@@ -155,7 +151,7 @@ def look_up(distance, grid, x, y, z):  # type: ignore[no-untyped-def]
     return distance[grid[0] + (int(fx) * grid[5] + int(fy)) * grid[6] + int(fz)] * TENTH_MM
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def look_near(distance, grid, x, y, z):  # type: ignore[no-untyped-def]
     """:func:`look_up`, closer: a voxel's bound is its centre's distance less half its diagonal; here less only the way to the centre."""
     fx, fy, fz = (x - grid[1]) * grid[7], (y - grid[2]) * grid[7], (z - grid[3]) * grid[7]
@@ -167,7 +163,7 @@ def look_near(distance, grid, x, y, z):  # type: ignore[no-untyped-def]
     return bound + (HALF_DIAGONAL - math.sqrt(dx * dx + dy * dy + dz * dz)) / grid[7]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def body_distance(grids, b, x, y, z):  # type: ignore[no-untyped-def]
     """:func:`look_up` for a single point; in loops use that."""
     return look_up(grids.distance, body_grid(grids, b), x, y, z)

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import coal
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import kernel, leaf
 from common.robot.body_distance import to_world
 from common.robot.kernels import BodyGrids, Chain, body_grid, forward_kinematics, look_up, to_joint_frame
 from common.robot.pairs import coal_mesh
@@ -68,20 +68,20 @@ def _measure(chain: Chain, a: Body, b: Body, joint: int, distance_m: NDArray[np.
         distance_m[i, k] = max(distance_m[i, k], apart - motion_m[i, k] - 1e-6)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def table_distance(tables, p, q_rad):  # type: ignore[no-untyped-def]
     """Lower bound in metres of the distance of pair ``p``, which has a table, at ``q_rad`` (J,)."""
     j = tables.first_joint[p]
     return tables.distance_m[tables.table[p], _cell(q_rad[j]), _cell(q_rad[j + 1])]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _cell(angle_rad):  # type: ignore[no-untyped-def]
     turns = angle_rad / (2.0 * math.pi)
     return min(int((turns - math.floor(turns)) * N_ANGLES), N_ANGLES - 1)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fill(chain, grids, a, b, joint, distance_m, motion_m):  # type: ignore[no-untyped-def]
     """Fill ``distance_m``: the distance at each cell's middle less what a body can move relative to the other within the cell.
 
@@ -107,7 +107,7 @@ def _fill(chain, grids, a, b, joint, distance_m, motion_m):  # type: ignore[no-u
             motion_m[i, k] = _farthest(grids, a, rotation, translation, axes, places, half)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _least(grids, a, b, rotation, translation, axes, places, half):  # type: ignore[no-untyped-def]
     """Least over the spheres of body ``a`` of their distance to body ``b`` less their motion."""
     ja, jb = grids.body_joint[a], grids.body_joint[b]
@@ -123,7 +123,7 @@ def _least(grids, a, b, rotation, translation, axes, places, half):  # type: ign
     return best
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _farthest(grids, a, rotation, translation, axes, places, half):  # type: ignore[no-untyped-def]
     """The most that any sphere of body ``a`` moves."""
     turn, shift = rotation[grids.body_joint[a]], translation[grids.body_joint[a]]
@@ -134,7 +134,7 @@ def _farthest(grids, a, rotation, translation, axes, places, half):  # type: ign
     return farthest
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _motion(axes, places, x, y, z, radius, half):  # type: ignore[no-untyped-def]
     """The most that a point within ``radius`` of (x, y, z) moves; see :func:`_fill`."""
     r1 = _off_axis(axes, places, 0, x, y, z) + radius
@@ -142,7 +142,7 @@ def _motion(axes, places, x, y, z, radius, half):  # type: ignore[no-untyped-def
     return (r1 + r2 + r2 * half) * half
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _room(distance, grid, spheres, i, turn_a, shift_a, turn_b, shift_b, axes, places, half):  # type: ignore[no-untyped-def]
     """Distance from sphere ``i`` to the body with ``grid``, less what the sphere's points may move relative to it."""
     x, y, z = to_world(turn_a, shift_a, spheres, i)
@@ -151,7 +151,7 @@ def _room(distance, grid, spheres, i, turn_a, shift_a, turn_b, shift_b, axes, pl
     return look_up(distance, grid, bx, by, bz) - radius - _motion(axes, places, x, y, z, radius, half)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _off_axis(axes, places, i, x, y, z):  # type: ignore[no-untyped-def]
     """Distance of a point from an axis: length of the cross product with its unit vector."""
     dx, dy, dz = x - places[i, 0], y - places[i, 1], z - places[i, 2]

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from common.kernel import leaf
 from common.robot.kernels import body_grid, look_up
 from services.perception.core.arm import LARGEST_DISTANCE_M
 
 __all__ = ["arm_mask"]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def arm_mask(bodies, grids, points_m, n_points, mask):  # type: ignore[no-untyped-def]
     """``mask[i]`` = 1 where a point is the arm: nearer to a body than its margin + the point's own bound, as far as the grids reach.
 

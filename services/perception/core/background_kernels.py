@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
+from common.kernel import leaf
 
 __all__ = ["BOX", "CYLINDER", "LARGEST_BOUND_M", "SPHERE", "flag_near_solids", "is_solid", "is_table", "solid_distance"]
 
@@ -13,7 +13,7 @@ BOX, SPHERE, CYLINDER = 0, 1, 2
 LARGEST_BOUND_M = 0.06
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@leaf
 def solid_distance(kind, size_x, size_y, size_z, x, y, z):  # type: ignore[no-untyped-def]
     """Signed distance in metres (negative inside) of a point in the solid's frame; sizes as in :class:`common.cell.SolidConfig`."""
     if kind == SPHERE:
@@ -26,7 +26,7 @@ def solid_distance(kind, size_x, size_y, size_z, x, y, z):  # type: ignore[no-un
     return outside + min(max(a, b, c), 0.0)
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@leaf
 def _near_solid(solids, bound_m, x, y, z):  # type: ignore[no-untyped-def]
     """Whether a point is in a solid or nearer than ``bound_m`` to one."""
     for s in range(len(solids)):
@@ -45,14 +45,14 @@ def _near_solid(solids, bound_m, x, y, z):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def flag_near_solids(solids, centres_m, reach_m, near):  # type: ignore[no-untyped-def]
     """Fill ``near`` (C,): 1 where a cell centre (C, 3) is nearer than ``reach_m`` to one of ``solids`` (S, 16)."""
     for c in range(len(centres_m)):
         near[c] = _near_solid(solids, reach_m, centres_m[c, 0], centres_m[c, 1], centres_m[c, 2])
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@leaf
 def is_table(rules, z, depth_m, sigma_m, camera_z):  # type: ignore[no-untyped-def]
     """Whether a point measured at height ``z`` and depth ``depth_m`` by a camera at height ``camera_z`` is the table, or below it."""
     # The ray's slope is |camera_z - z| / depth; multiplied through by the depth, because a division costs more than all the rest.
@@ -60,7 +60,7 @@ def is_table(rules, z, depth_m, sigma_m, camera_z):  # type: ignore[no-untyped-d
     return (z - rules.table_z_m) * depth_m < min(bound, LARGEST_BOUND_M * depth_m)
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@leaf
 def is_solid(rules, solids, near, cell, x, y, z, sigma_m):  # type: ignore[no-untyped-def]
     """Whether a measured point is bolted down; ``cell``: flat index of its cell, ``near``: of ``Background``."""
     return near[cell] != 0 and _near_solid(solids, min(rules.sigmas * sigma_m, LARGEST_BOUND_M), x, y, z)

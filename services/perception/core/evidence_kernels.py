@@ -8,9 +8,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import leaf
 from services.perception.core.look_kernels import OUT_OF_VIEW, PROBABLY_FREE, SEEN_THROUGH
 from services.perception.core.splat_kernels import cell_of, centre_of
 
@@ -40,7 +40,7 @@ def new_evidence(n_cells: int) -> Evidence:
     )
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def settle(counts, n_touched, min_points, set_number, now_s, evidence, n_active):  # type: ignore[no-untyped-def]
     """Turn the counts of a set into hits and empty them; returns the number of occupied cells.
 
@@ -71,7 +71,7 @@ def settle(counts, n_touched, min_points, set_number, now_s, evidence, n_active)
     return n_active
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def centres_with_bound(frame, cells, n_cells, bound_m, points_m):  # type: ignore[no-untyped-def]
     """Write centre and ``bound_m`` of ``cells[i]``, i < n_cells, to ``points_m`` (N, 4), as the self-filter's kernel wants them."""
     for i in range(n_cells):
@@ -79,7 +79,7 @@ def centres_with_bound(frame, cells, n_cells, bound_m, points_m):  # type: ignor
         points_m[i, 3] = bound_m
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def age(evidence, n_active, set_number, now_s, verdict, inside, weights, decay_s):  # type: ignore[no-untyped-def]
     """Count the misses of this set and drop what was cleared; returns the number of occupied cells left.
 
@@ -114,7 +114,7 @@ def age(evidence, n_active, set_number, now_s, verdict, inside, weights, decay_s
     return kept
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def shadow_candidates(frame, evidence, n_active, camera_m, n_cameras, depth_m, set_number, visited, out):  # type: ignore[no-untyped-def]
     """Cells less than ``depth_m`` behind an occupied one, seen from a camera that gave its last hit.
 

@@ -15,8 +15,7 @@ from __future__ import annotations
 
 import math
 
-from numba import njit
-
+from common.kernel import leaf
 from services.perception.core.background_kernels import is_solid, is_table
 from services.perception.core.splat_kernels import cell_of, centre_of
 
@@ -26,7 +25,7 @@ OUT_OF_VIEW, NO_EVIDENCE, PROBABLY_FREE, SEEN_THROUGH = 0, 1, 2, 3
 HALF_DIAGONAL = math.sqrt(3.0) / 2.0
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@leaf
 def _depth_around(depth_mm, v, u):  # type: ignore[no-untyped-def]
     """The pixel's depth in metres; where it gave no return the nearest of its eight neighbours; 0 when none returned anything."""
     if depth_mm[v, u] > 0:
@@ -41,7 +40,7 @@ def _depth_around(depth_mm, v, u):  # type: ignore[no-untyped-def]
     return nearest * 0.001
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@leaf
 def _surface_at(optics, R, t, depth, u, v):  # type: ignore[no-untyped-def]
     """World point of pixel (u, v) at a depth."""
     a, b = (u - optics.cx_px) / optics.fx_px * depth, (v - optics.cy_px) / optics.fy_px * depth
@@ -52,7 +51,7 @@ def _surface_at(optics, R, t, depth, u, v):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def look_at_cells(frame, cells, n_cells, view, background, arm_sigmas, verdict, asked, asked_m):  # type: ignore[no-untyped-def]
     """Raise ``verdict[i]`` to what this exposure says about ``cells[i]``, i < n_cells: the strongest of all exposures remains.
 

@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
 from common.geometry.grid import Grid
+from common.kernel import leaf
 from services.perception.core.background_kernels import is_solid, is_table
 
 __all__ = ["Counts", "GridFrame", "cell_of", "centre_of", "count", "foreground", "frame_of", "new_counts"]
@@ -45,7 +45,7 @@ def new_counts(n_cells: int) -> Counts:
     return Counts(np.zeros(n_cells, np.uint16), np.zeros(n_cells, np.uint8), np.zeros(n_cells, np.int32))
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@leaf
 def centre_of(frame, cell):  # type: ignore[no-untyped-def]
     """World centre x, y, z of a cell."""
     return (
@@ -55,7 +55,7 @@ def centre_of(frame, cell):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True, forceinline=True)
+@leaf
 def cell_of(frame, x, y, z):  # type: ignore[no-untyped-def]
     """Flat index of the cell of a world point, -1 outside the grid."""
     inverse = 1.0 / frame.resolution_m
@@ -65,7 +65,7 @@ def cell_of(frame, x, y, z):  # type: ignore[no-untyped-def]
     return (int(fx) * frame.ny + int(fy)) * frame.nz + int(fz)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def foreground(frame, points_m, view, background, sigmas, kept_m, kept_cell):  # type: ignore[no-untyped-def]
     """Pick the points of one exposure that lie in the grid and are not background; returns how many.
 
@@ -97,7 +97,7 @@ def foreground(frame, points_m, view, background, sigmas, kept_m, kept_cell):  #
     return n
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def count(cells, is_arm, n_points, bit, counts, n_touched):  # type: ignore[no-untyped-def]
     """Count the points (N,) that are not the arm in their cells; returns cells touched so far in the set and points that were the arm."""
     points, cameras, touched = counts.points, counts.cameras, counts.touched

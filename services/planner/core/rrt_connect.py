@@ -44,7 +44,7 @@ class RrtConnect:
         self._arm, self._solids = arm, solids
         self._q_min, self._q_max = np.asarray(q_min_rad, dtype=np.float64), np.asarray(q_max_rad, dtype=np.float64)
         n_joints, n_nodes = len(self._q_min), self.parameters.max_nodes
-        self._scratch = (np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3)))
+        self._scratch = (np.empty((n_joints + 1, 3, 3)), np.empty((n_joints + 1, 3)), np.empty(n_joints))
         self._trees = kernel.Trees(np.empty((2, n_nodes, n_joints)), np.empty((2, n_nodes), dtype=np.int32), np.empty(2, dtype=np.int32))
         self._path = np.empty((MAX_POINTS, n_joints))
 

@@ -141,4 +141,7 @@ def _trees(n_neurons: int, n_edges: int, n_joints: int, n_goals: int, n_rooms: i
         best=np.empty(1),
         joint=np.full(2, -1, dtype=np.int64),
         room_m=np.empty((2, room, n_rooms)),
+        scratch_rad=np.empty((3, n_joints)),
+        scratch_room_m=np.empty(n_rooms),
+        scratch_d2=np.empty(kernel.CHUNK),
     )

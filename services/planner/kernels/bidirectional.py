@@ -8,14 +8,14 @@ soon as the two smallest keys together reach the best way known: Goldberg et al.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from common.kernel import kernel, leaf
 from services.planner.kernels.search import NOT_FOUND, pop, push, surcharged
 
 __all__ = ["both_ends"]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def both_ends(  # type: ignore[no-untyped-def]
     adj_offset,
     adj_node,
@@ -75,7 +75,7 @@ def both_ends(  # type: ignore[no-untyped-def]
     return _trace_both(parent, meeting, path), best, settled
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _meet(cost, starts):  # type: ignore[no-untyped-def]
     """The best neuron that both sides know before any step: one that start and goal join themselves; (its cost or infinity, it or -1)."""
     best, meeting = np.inf, -1
@@ -86,7 +86,7 @@ def _meet(cost, starts):  # type: ignore[no-untyped-def]
     return best, meeting
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _trace_both(parent, meeting, path):  # type: ignore[no-untyped-def]
     """Fill ``path`` from the start's root over ``meeting`` to the goal's root; returns its length."""
     n_before = 0

@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from common.kernel import kernel, leaf
 from services.planner.kernels.way import line_is_free, parabola_is_free
 
 __all__ = ["LINE_STEP_RAD", "fit_blends", "sample_blends", "sample_count"]
@@ -24,7 +24,7 @@ LINE_STEP_RAD, BLEND_STEP_RAD = 0.1, 0.04  # joint way between samples for timin
 LEAST_SAMPLES = 4  # pieces of a blend for timing
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _length(path, k):  # type: ignore[no-untyped-def]
     total = 0.0
     for j in range(path.shape[1]):
@@ -32,7 +32,7 @@ def _length(path, k):  # type: ignore[no-untyped-def]
     return math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fit_blends(arm, blend_arm, solids, cells, safety_m, room_m, step_m, path, proven, share, reach):  # type: ignore[no-untyped-def]
     """Fill ``reach`` (P,) rad with the largest free reach of each corner of ``path`` (P, J); zero at the ends and where none is free.
 
@@ -66,7 +66,7 @@ def fit_blends(arm, blend_arm, solids, cells, safety_m, room_m, step_m, path, pr
     return -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _line_is_free(arm, solids, cells, safety_m, step_m, path, k, reach):  # type: ignore[no-untyped-def]
     """Whether what the blends leave of piece ``k`` is free."""
     length = _length(path, k)
@@ -77,19 +77,19 @@ def _line_is_free(arm, solids, cells, safety_m, step_m, path, k, reach):  # type
     return line_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _blend_is_free(arm, solids, cells, safety_m, step_m, path, k, back, ahead):  # type: ignore[no-untyped-def]
     """Whether the parabola from ``back`` of the piece before corner ``k`` to ``ahead`` of the piece after it is free."""
     leg_in, leg_out = back * (path[k] - path[k - 1]), ahead * (path[k + 1] - path[k])
     return parabola_is_free(arm, solids, cells, safety_m, step_m, path[k] - leg_in, leg_in, leg_out)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _pieces_of(length, step):  # type: ignore[no-untyped-def]
     return max(1, math.ceil(length / step))
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def sample_count(path, reach):  # type: ignore[no-untyped-def]
     """How many samples :func:`sample_blends` gives."""
     count = 1
@@ -101,7 +101,7 @@ def sample_count(path, reach):  # type: ignore[no-untyped-def]
     return count
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def sample_blends(path, reach, s, q, d1, d2, d2_before):  # type: ignore[no-untyped-def]
     """Samples of the rounded path for timing, ends of lines and blends among them.
 
@@ -139,7 +139,7 @@ def sample_blends(path, reach, s, q, d1, d2, d2_before):  # type: ignore[no-unty
             at += 2.0 * reach[k + 1]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _sample_blend(path, k, reach, unit, unit_next, at, out, s, q, d1, d2, d2_before):  # type: ignore[no-untyped-def]
     """The blend at corner ``k + 1``, which begins at sample ``out``; the sample at which it ends."""
     n_joints = path.shape[1]

@@ -16,7 +16,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from common.kernel import leaf
 
 __all__ = ["BUCKET_RAD", "N_BUCKETS", "arrange", "bound_of", "next_bucket", "put", "queue_length", "take"]
 
@@ -29,7 +30,7 @@ def queue_length(n_entries: int) -> int:
     return N_BUCKETS + 2 * n_entries
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def put(queue, entry_cost, entry, node, cost, key, low, at):  # type: ignore[no-untyped-def]
     """Make ``entry`` that of ``node`` at ``cost`` and put it under ``key``; ``low`` begins the first bucket, ``at`` is the present one."""
     entry_cost[entry] = cost
@@ -41,7 +42,7 @@ def put(queue, entry_cost, entry, node, cost, key, low, at):  # type: ignore[no-
         queue[bucket] = entry
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def next_bucket(queue, at):  # type: ignore[no-untyped-def]
     """The first bucket from ``at`` on that is not empty; ``N_BUCKETS`` if all are."""
     while at < N_BUCKETS and queue[at] < 0:
@@ -49,7 +50,7 @@ def next_bucket(queue, at):  # type: ignore[no-untyped-def]
     return at
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def take(queue, entry_cost, cost, at):  # type: ignore[no-untyped-def]
     """Take the first entry out of bucket ``at``; its neuron, or -1 if that has come in again at a lower ``cost`` (N,)."""
     entry = queue[at]
@@ -60,7 +61,7 @@ def take(queue, entry_cost, cost, at):  # type: ignore[no-untyped-def]
     return node if counts else -1
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def bound_of(neurons, node, q_goal):  # type: ignore[no-untyped-def]
     """Straight joint distance of a neuron to ``q_goal`` (J,); zero where that is empty."""
     total = 0.0
@@ -69,7 +70,7 @@ def bound_of(neurons, node, q_goal):  # type: ignore[no-untyped-def]
     return math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def arrange(queue, entry_cost, n_entries, cost, neurons, q_goal):  # type: ignore[no-untyped-def]
     """Begin anew with the entries that still count, one a neuron at most: the first bucket begins at the least of their keys.
 

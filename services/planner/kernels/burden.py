@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from common.kernel import kernel
 from services.planner.kernels.collision import FREE, pose_verdict
 from services.planner.kernels.way import line_is_free
 
 __all__ = ["bar"]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def bar(arm, solids, cells, safety_m, step_m, q_rad, edges, first_node, first_edge, node_barred, edge_barred):  # type: ignore[no-untyped-def]
     """Set ``node_barred`` (N,) and ``edge_barred`` (M,) uint8, from the first ones on, where a pose or the straight way is not free.
 

@@ -6,8 +6,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from common.kernel import kernel, leaf
 
 __all__ = ["BLOCK", "GROUP", "Cells", "arrange_cells"]
 
@@ -27,7 +28,7 @@ class Cells(NamedTuple):
     half_m: float  # half the edge of a cell
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _spread(n):  # type: ignore[no-untyped-def]
     """The low 16 bits of ``n``, two zero bits after each."""
     n = (n | (n << 16)) & 0x0000FF0000FF
@@ -36,7 +37,7 @@ def _spread(n):  # type: ignore[no-untyped-def]
     return (n | (n << 2)) & 0x249249249249
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _gather(n):  # type: ignore[no-untyped-def]
     """What :func:`_spread` spread; bits between are ignored."""
     n &= 0x249249249249
@@ -46,7 +47,7 @@ def _gather(n):  # type: ignore[no-untyped-def]
     return (n | (n >> 16)) & 0xFFFF
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def arrange_cells(cells, origin_m, shape, resolution_m, flat, centre_m, block_m, group_m):  # type: ignore[no-untyped-def]
     """Fill ``flat``, ``centre_m``, ``block_m`` and ``group_m`` of :class:`Cells` from flat indices ``cells`` (C,) in any order."""
     ny, nz = shape[1], shape[2]
@@ -69,7 +70,7 @@ def arrange_cells(cells, origin_m, shape, resolution_m, flat, centre_m, block_m,
     _bound_runs(centre_m, BLOCK * GROUP, group_m)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _bound_runs(centre_m, run, bound_m):  # type: ignore[no-untyped-def]
     """Fill ``bound_m`` (n, 4) with bounding spheres of each ``run`` rows of ``centre_m`` (C, 3)."""
     for k in range(len(bound_m)):

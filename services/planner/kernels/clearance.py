@@ -8,8 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from common.kernel import leaf
 from common.robot.body_distance import to_world
 from services.planner.kernels.cells import BLOCK
 from services.planner.kernels.collision import ROOT3
@@ -18,7 +18,7 @@ from services.planner.kernels.static_layer import solid_distance
 __all__ = ["pose_clearance"]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def pose_clearance(arm, solids, cells, rotation, translation):  # type: ignore[no-untyped-def]
     """Lower bound in metres of the distance from the arm, in the pose with these frames, to all cells and to the static layer.
 
@@ -48,14 +48,14 @@ def pose_clearance(arm, solids, cells, rotation, translation):  # type: ignore[n
     return max(best, 0.0)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _to_cube(centre_m, i, half_m, x, y, z):  # type: ignore[no-untyped-def]
     """Distance in metres of a point to cell ``i``; 0 inside."""
     u, v, w = abs(centre_m[i, 0] - x) - half_m, abs(centre_m[i, 1] - y) - half_m, abs(centre_m[i, 2] - z) - half_m
     return math.sqrt(max(u, 0.0) ** 2 + max(v, 0.0) ** 2 + max(w, 0.0) ** 2)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _spheres_to_cube(grids, g, centre_m, i, half_m, turn, shift):  # type: ignore[no-untyped-def]
     nearest = np.inf
     for p in range(grids.group_sphere_offset[g], grids.group_sphere_offset[g + 1]):
@@ -64,7 +64,7 @@ def _spheres_to_cube(grids, g, centre_m, i, half_m, turn, shift):  # type: ignor
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _spheres_to_solid(grids, solids, g, s, turn, shift):  # type: ignore[no-untyped-def]
     nearest = np.inf
     for p in range(grids.group_sphere_offset[g], grids.group_sphere_offset[g + 1]):

@@ -17,9 +17,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import kernel, leaf
 from common.robot.body_distance import cover_distance, pair_distance, to_world
 from common.robot.kernels import FAR, BodyGrids, Chain, body_grid, forward_kinematics, look_near, look_up, to_joint_frame
 from common.robot.pair_tables import PairTables, table_distance
@@ -80,7 +80,7 @@ class Slack(NamedTuple):
     pair_m: F64  # (P,) of each pair against one another
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def cell_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ignore[no-untyped-def]
     """Whether the cube around (x, y, z), given in the body's frame, may come within ``safety_m`` of a body.
 
@@ -93,7 +93,7 @@ def cell_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # t
     return _cube_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _cube_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ignore[no-untyped-def]
     """:func:`cell_touches_body` where the first look does not rule it out: the cube's ball, its octants' balls, theirs."""
     centre = look_near(distance, grid, x, y, z)
@@ -115,7 +115,7 @@ def _cube_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # 
     return False
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _octant_middle(rotation, x, y, z, step_m, octant):  # type: ignore[no-untyped-def]
     """``step_m`` along each world axis from (x, y, z), in the body's frame; the bits of ``octant`` say which way."""
     sx = step_m if octant & 1 else -step_m
@@ -128,7 +128,7 @@ def _octant_middle(rotation, x, y, z, step_m, octant):  # type: ignore[no-untype
     )
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-untyped-def]  # noqa: PLR0912  one search, no parts
     """``(cell, gap)``: a cell that blocks body ``b``, or -1 and how far the body may move until one could (a lower bound, in metres).
 
@@ -185,7 +185,7 @@ def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-unty
     return -1, gap
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def pose_hits_cell(arm, cells, safety_m, rotation, translation):  # type: ignore[no-untyped-def]
     """Index of a cell that blocks the pose with frames ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3), or -1."""
     for b in range(len(arm.moving)):
@@ -197,7 +197,7 @@ def pose_hits_cell(arm, cells, safety_m, rotation, translation):  # type: ignore
     return -1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def cells_that_hit(arm, cells, safety_m, rotation, translation, hit):  # type: ignore[no-untyped-def]
     """Set ``hit`` (C,) uint8 for every cell that blocks the pose with the given frames; arguments as :func:`pose_hits_cell`."""
     grids = arm.grids
@@ -213,20 +213,20 @@ def cells_that_hit(arm, cells, safety_m, rotation, translation, hit):  # type: i
                 hit[i] = 1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def pair_gap(arm, p, rotation, translation):  # type: ignore[no-untyped-def]
     """How far pair ``p``'s bodies may move against one another until they could touch (a lower bound, in metres); zero or less: now."""
     grids, a, b = arm.grids, arm.pairs[p, 0], arm.pairs[p, 1]
     return pair_distance(grids, a, b, rotation, translation, arm.pair_margin_m[p] + PAIR_FINE_M) - arm.pair_margin_m[p]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def tabled_gap(arm, p, q_rad):  # type: ignore[no-untyped-def]
     """:func:`pair_gap` by the table, without any frame; zero or less: the table cannot tell, or pair ``p`` has none."""
     return table_distance(arm.pair_tables, p, q_rad) - arm.pair_margin_m[p] if arm.pair_tables.table[p] >= 0 else 0.0
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def frames_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation, slack):  # type: ignore[no-untyped-def]
     """``(FREE | HIT_CELL | HIT_STATIC | HIT_SELF, index of what is hit)`` of the pose ``q_rad`` (J,) with the given frames.
 
@@ -254,13 +254,13 @@ def frames_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation, s
     return FREE, -1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def no_slack(arm):  # type: ignore[no-untyped-def]
     """The slack of a pose of which nothing is known."""
     return Slack(np.zeros(len(arm.moving)), np.zeros(len(arm.moving)), np.zeros(len(arm.pairs)))
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def spend(arm, turned_rad, step_m, slack):  # type: ignore[no-untyped-def]
     """Take from ``slack`` what the arm may have moved while its joints turned by at most ``turned_rad`` (J,) each.
 
@@ -287,7 +287,7 @@ def spend(arm, turned_rad, step_m, slack):  # type: ignore[no-untyped-def]
     return look
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def farthest_m(arm, turned_rad):  # type: ignore[no-untyped-def]
     """Farthest in metres that any point of the moving bodies can move while the joints turn by at most ``turned_rad`` (J,) each."""
     farthest = 0.0
@@ -299,7 +299,7 @@ def farthest_m(arm, turned_rad):  # type: ignore[no-untyped-def]
     return farthest
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def way_verdict(arm, solids, cells, safety_m, q_rad, turned_rad, step_m, slack, rotation, translation):  # type: ignore[no-untyped-def]
     """:func:`frames_verdict` of the next pose ``q_rad`` (J,) along a way, ``turned_rad`` (J,) and ``step_m`` from the one before."""
     if not spend(arm, turned_rad, step_m, slack):
@@ -308,14 +308,24 @@ def way_verdict(arm, solids, cells, safety_m, q_rad, turned_rad, step_m, slack, 
     return frames_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation, slack)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pose_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
     """:func:`frames_verdict` of ``q_rad`` (J,) by itself. ``rotation`` (J + 1, 3, 3), ``translation`` (J + 1, 3): scratch."""
     forward_kinematics(arm.chain, q_rad, rotation, translation)
     return frames_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation, no_slack(arm))
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def pose_is_free(arm, solids, cells, safety_m, q_rad, rotation, translation):  # type: ignore[no-untyped-def]
     """Whether ``q_rad`` (J,) hits nothing; arguments as :func:`pose_verdict`."""
-    return pose_verdict(arm, solids, cells, safety_m, q_rad, rotation, translation)[0] == FREE
+    forward_kinematics(arm.chain, q_rad, rotation, translation)
+    if pose_hits_cell(arm, cells, safety_m, rotation, translation) >= 0:
+        return False
+    for b in range(len(arm.moving)):
+        j = arm.grids.body_joint[b]
+        if arm.moving[b] and body_static_gap(arm.grids, solids, b, rotation[j], translation[j], arm.static_margin_m)[1] >= 0:
+            return False
+    for p in range(len(arm.pairs)):  # noqa: SIM110  a generator is not for kernels
+        if tabled_gap(arm, p, q_rad) <= 0.0 and pair_gap(arm, p, rotation, translation) <= 0.0:
+            return False
+    return True

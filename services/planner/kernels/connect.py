@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import kernel, leaf
 from services.planner.kernels.bidirectional import both_ends
 from services.planner.kernels.collision import FREE, pose_verdict
 from services.planner.kernels.neuron_index import NeuronIndex, nearest_free
@@ -83,7 +83,7 @@ class Scratch(NamedTuple):
     path: I32  # (N,)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def best_way(kind, graph, node_count, edge_count, near, start, start_cost, goal, goal_cost, q_goal, scratch):  # type: ignore[no-untyped-def]
     """Number of neurons in ``scratch.path`` from any of ``start`` to any of ``goal`` at these joining costs, or ``NOT_FOUND``."""
     g, s = graph, scratch
@@ -106,7 +106,7 @@ def best_way(kind, graph, node_count, edge_count, near, start, start_cost, goal,
     return n
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def join_ends(graph, node_count, q_start, q_goal, ends):  # type: ignore[no-untyped-def]
     """Fill ``ends`` with the nearest unblocked neurons of both ends; nothing is known of the connections."""
     ends.n[START] = nearest_free(graph.near, node_count, q_start, ends.neuron[START], ends.cost[START])
@@ -114,18 +114,18 @@ def join_ends(graph, node_count, q_start, q_goal, ends):  # type: ignore[no-unty
     ends.known[:] = UNKNOWN
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _joins(arm, solids, cells, safety_m, step_m, graph, q_end, end, k, ends):  # type: ignore[no-untyped-def]
     """Whether connection ``k`` of an end is free; looked at once."""
     if ends.known[end, k] == UNKNOWN:
         q, room_m, room_end_m = graph.neurons_rad[ends.neuron[end, k]], new_rooms(arm, 1)[0], ends.room_m[end]
         line = (q_end, q, room_end_m, room_m) if end == START else (q, q_end, room_m, room_end_m)
-        free = line_between_is_free(arm, solids, cells, safety_m, step_m, *line, False)
+        free = line_between_is_free(arm, solids, cells, safety_m, step_m, *line)
         ends.known[end, k] = JOINS if free else BARRED
     return ends.known[end, k] == JOINS
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def connect(kind, graph, node_count, edge_count, near, arm, solids, cells, safety_m, step_m, q_start, q_goal, ends, scratch):  # type: ignore[no-untyped-def]
     """Number of neurons in ``scratch.path`` of the best way whose two connections are free, or ``NOT_FOUND``."""
     for _ in range(SEARCHES):
@@ -149,7 +149,7 @@ def connect(kind, graph, node_count, edge_count, near, arm, solids, cells, safet
     return NOT_FOUND
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _settle(arm, solids, cells, safety_m, step_m, graph, q_end, end, ends):  # type: ignore[no-untyped-def]
     """Check an end's connections, nearest first, until some are free, and leave only free ones to the search."""
     n_free = 0
@@ -160,7 +160,7 @@ def _settle(arm, solids, cells, safety_m, step_m, graph, q_end, end, ends):  # t
             ends.cost[end, k] = np.inf
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def ask_map(kind, graph, node_count, edge_count, near, arm, solids, cells, safety_m, step_m, q_start, q_goal, ends, scratch):  # type: ignore[no-untyped-def]
     """The whole question.
 
@@ -180,7 +180,7 @@ def ask_map(kind, graph, node_count, edge_count, near, arm, solids, cells, safet
         if not pose_room(arm, solids, cells, safety_m, q, room_m):
             verdict, index = pose_verdict(arm, solids, cells, safety_m, q, rotation, translation)
             return outcome, 0, verdict, index
-    if line_between_is_free(arm, solids, cells, safety_m, step_m, q_start, q_goal, ends.room_m[START], ends.room_m[GOAL], True):
+    if line_between_is_free(arm, solids, cells, safety_m, step_m, q_start, q_goal, ends.room_m[START], ends.room_m[GOAL]):
         return DIRECT, 0, FREE, -1
     join_ends(graph, node_count, q_start, q_goal, ends)
     n = connect(kind, graph, node_count, edge_count, near, arm, solids, cells, safety_m, step_m, q_start, q_goal, ends, scratch)

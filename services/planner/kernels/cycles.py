@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import leaf
 from services.planner.kernels.search import pop, push
 
 __all__ = ["Growing", "add_edge", "growing", "next_useful"]
@@ -43,7 +43,7 @@ def growing(n_neurons: int, n_edges: int) -> Growing:
     )  # fmt: skip
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def add_edge(graph, a, b, length):  # type: ignore[no-untyped-def]
     """Join neurons ``a`` and ``b``; there must be room."""
     for here, there in ((a, b), (b, a)):
@@ -53,7 +53,7 @@ def add_edge(graph, a, b, length):  # type: ignore[no-untyped-def]
         graph.n_links[0] = link + 1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _is_within(graph, pair, a, b, bound):  # type: ignore[no-untyped-def]
     """Whether a way from ``a`` to ``b`` is no longer than ``bound``; ``pair`` tells this search's marks from earlier ones'."""
     size = push(graph.heap_key, graph.heap_node, 0, 0.0, a)
@@ -75,7 +75,7 @@ def _is_within(graph, pair, a, b, bound):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def next_useful(graph, pairs, length, first, stretch):  # type: ignore[no-untyped-def]
     """The first of the pairs (C, 2) from ``first`` on, ``length`` (C,) rad apart, whose edge would be useful; C if none is.
 

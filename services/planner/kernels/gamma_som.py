@@ -7,9 +7,9 @@ The obvious twin is ``tests/support/slow_som.py``.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import copy_row, leaf
 from services.planner.kernels.som import Lattice, nearest, pull
 
 __all__ = ["follow", "present"]
@@ -19,11 +19,11 @@ I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _fill_target(lattice: Lattice, sample: F64, last_winner: int, beta: float, target: F64) -> None:
     """The sample and the contexts of the moment; a trajectory's first sample (``last_winner`` -1) has contexts of zero."""
     n = sample.shape[0]
-    target[:n] = sample
+    copy_row(sample, target[:n])
     if last_winner < 0:
         target[n:] = 0.0
         return
@@ -32,7 +32,7 @@ def _fill_target(lattice: Lattice, sample: F64, last_winner: int, beta: float, t
         target[k] = beta * vector[k] + (1.0 - beta) * vector[k - n]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def present(lattice: Lattice, samples: F64, first: I64, stop: I64, beta: float, rate: F64, spread: F64, winner: I32, target: F64) -> None:
     """Show trajectories (T,) in the given order, each the samples ``first[t]`` to ``stop[t] - 1`` in the order of time.
 
@@ -51,7 +51,7 @@ def present(lattice: Lattice, samples: F64, first: I64, stop: I64, beta: float, 
             i += 1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def follow(lattice: Lattice, samples: F64, first: I64, stop: I64, beta: float, winner: I32, target: F64) -> None:
     """The winners of trajectories as in :func:`present`, but nothing moves."""
     for t in range(first.shape[0]):

@@ -8,8 +8,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from common.kernel import copy_row, leaf
 
 __all__ = [
     "MAX_DEGREE",
@@ -67,7 +68,7 @@ class Gas(NamedTuple):
     bucket_of: I32  # (C,)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _along(gas: Gas, point: F64, k: int) -> float:
     """Place of ``point`` (J,) along direction ``k``, from the lowest bucket on."""
     total = -gas.bucket_low[k]
@@ -76,20 +77,20 @@ def _along(gas: Gas, point: F64, k: int) -> float:
     return float(total)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _cell(gas: Gas, along: float, k: int) -> int:
     """Bucket along direction ``k``; the outermost ones hold what lies beyond."""
     cell = int(np.floor(along / gas.bucket_width[k]))
     return int(min(max(cell, 0), gas.bucket_shape[k] - 1))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _bucket(gas: Gas, point: F64) -> int:
     flat = _cell(gas, _along(gas, point, 0), 0) * gas.bucket_shape[1] + _cell(gas, _along(gas, point, 1), 1)
     return int(flat * gas.bucket_shape[2] + _cell(gas, _along(gas, point, 2), 2))
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _link(gas: Gas, unit: int, bucket: int) -> None:
     head = gas.bucket_head[bucket]
     gas.bucket_next[unit] = head
@@ -100,7 +101,7 @@ def _link(gas: Gas, unit: int, bucket: int) -> None:
     gas.bucket_of[unit] = bucket
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _unlink(gas: Gas, unit: int) -> None:
     before, after = gas.bucket_previous[unit], gas.bucket_next[unit]
     if before >= 0:
@@ -111,18 +112,18 @@ def _unlink(gas: Gas, unit: int) -> None:
         gas.bucket_previous[after] = before
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _buckets_along(n_units: int) -> int:
     return int(max(1, round((BUCKETS_A_UNIT * n_units) ** (1.0 / 3.0))))
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def most_buckets(capacity: int) -> int:
     """Room that the buckets of ``capacity`` units need."""
     return int(_buckets_along(capacity) ** 3)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _lay_out(gas: Gas) -> None:
     """Buckets for as many units as there are now."""
     gas.counts[N_LAID_OUT] = gas.counts[N_ALIVE]
@@ -136,7 +137,7 @@ def _lay_out(gas: Gas) -> None:
             _link(gas, unit, _bucket(gas, gas.weight[unit]))
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def add_unit(gas: Gas, weight: F64, stored_error: float) -> int:
     """A new unit at ``weight`` (J,); its slot. The last slot given back is used first."""
     if gas.counts[N_FREE] > 0:
@@ -145,7 +146,7 @@ def add_unit(gas: Gas, weight: F64, stored_error: float) -> int:
     else:
         unit = int(gas.counts[N_SLOTS])
         gas.counts[N_SLOTS] += 1
-    gas.weight[unit] = weight
+    copy_row(weight, gas.weight[unit])
     gas.error[unit] = stored_error
     gas.degree[unit] = 0
     gas.counts[N_ALIVE] += 1
@@ -156,7 +157,7 @@ def add_unit(gas: Gas, weight: F64, stored_error: float) -> int:
     return unit
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def remove_unit(gas: Gas, unit: int) -> None:
     """Give back the slot of a unit that has no edges."""
     _unlink(gas, unit)
@@ -166,7 +167,7 @@ def remove_unit(gas: Gas, unit: int) -> None:
     gas.counts[N_ALIVE] -= 1
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def move_unit(gas: Gas, unit: int, point: F64, rate: float) -> None:
     """Move a unit by the share ``rate`` of the way to ``point`` (J,)."""
     for j in range(point.shape[0]):
@@ -177,7 +178,7 @@ def move_unit(gas: Gas, unit: int, point: F64, rate: float) -> None:
         _link(gas, unit, bucket)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _squared_distance(weight: F64, unit: int, point: F64) -> float:
     total = 0.0
     for j in range(point.shape[0]):
@@ -186,7 +187,7 @@ def _squared_distance(weight: F64, unit: int, point: F64) -> float:
     return total
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _consider(unit: int, d: float, s1: int, d1: float, s2: int, d2: float) -> Nearest:
     """The two nearest after seeing one more unit; ties go to the lower slot."""
     if d < d1 or (d == d1 and unit < s1):
@@ -196,7 +197,7 @@ def _consider(unit: int, d: float, s1: int, d1: float, s2: int, d2: float) -> Ne
     return s1, d1, s2, d2
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _unseen_from(along: Triple, cell: tuple[int, int, int], shape: tuple[int, int, int], width: Triple, ring: int) -> float:
     """A lower bound of the distance from a point at ``along`` in bucket ``cell`` to any unit outside the rings 0..ring around it."""
     bound = np.inf
@@ -208,7 +209,7 @@ def _unseen_from(along: Triple, cell: tuple[int, int, int], shape: tuple[int, in
     return bound - ROUNDING
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _squared_gap(along: float, width: float, cell: int, other: int) -> float:
     """A lower bound of the squared distance, along one direction, from a point in ``cell`` to what lies in the buckets ``other``."""
     gap = 0.0
@@ -219,7 +220,7 @@ def _squared_gap(along: float, width: float, cell: int, other: int) -> float:
     return gap * gap
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _scan(gas: Gas, point: F64) -> Nearest:
     s1, d1, s2, d2 = -1, np.inf, -1, np.inf
     for unit in range(gas.counts[N_SLOTS]):
@@ -228,7 +229,7 @@ def _scan(gas: Gas, point: F64) -> Nearest:
     return s1, d1, s2, d2
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def nearest_two(gas: Gas, point: F64) -> Nearest:
     """Best and second best unit of ``point`` (J,) with their squared distances: equal to a scan of all units, ties to the lower slot.
 

@@ -6,9 +6,9 @@ The obvious twin is ``tests/support/slow_gng.py``; both give equal networks for 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import kernel, leaf
 from services.planner.kernels.gas import MAX_DEGREE, N_ALIVE, N_SIGNALS, N_SLOTS, Gas, add_unit, move_unit, nearest_two, remove_unit
 
 __all__ = ["connect", "present", "refresh"]
@@ -17,7 +17,7 @@ F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _place(gas: Gas, a: int, b: int) -> int:
     for k in range(gas.degree[a]):
         if gas.neighbour[a, k] == b:
@@ -25,7 +25,7 @@ def _place(gas: Gas, a: int, b: int) -> int:
     return -1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _forget(gas: Gas, a: int, b: int) -> None:
     """Take b from a's list, keeping the order of the others."""
     k = _place(gas, a, b)
@@ -35,13 +35,13 @@ def _forget(gas: Gas, a: int, b: int) -> None:
     gas.degree[a] -= 1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _disconnect(gas: Gas, a: int, b: int) -> None:
     _forget(gas, a, b)
     _forget(gas, b, a)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _make_room(gas: Gas, a: int) -> None:
     if gas.degree[a] == MAX_DEGREE:
         oldest = 0
@@ -51,14 +51,14 @@ def _make_room(gas: Gas, a: int) -> None:
         _disconnect(gas, a, int(gas.neighbour[a, oldest]))
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _append(gas: Gas, a: int, b: int, age: int) -> None:
     gas.neighbour[a, gas.degree[a]] = b
     gas.age[a, gas.degree[a]] = age
     gas.degree[a] += 1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def connect(gas: Gas, a: int, b: int, age: int) -> None:
     """Make the edge a-b, or set the age of the one that is there."""
     k = _place(gas, a, b)
@@ -72,7 +72,7 @@ def connect(gas: Gas, a: int, b: int, age: int) -> None:
     _append(gas, b, a, age)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _drop_old_edges(gas: Gas, unit: int, max_age: int) -> None:
     k = 0
     while k < gas.degree[unit]:
@@ -85,7 +85,7 @@ def _drop_old_edges(gas: Gas, unit: int, max_age: int) -> None:
             k += 1
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _insert(gas: Gas, alpha: float) -> None:
     q = -1
     for unit in range(gas.counts[N_SLOTS]):  # once in lambda signals, 10 us of 10 000 units: no heap is needed
@@ -104,15 +104,16 @@ def _insert(gas: Gas, alpha: float) -> None:
     connect(gas, r, f, 0)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _decay(gas: Gas, factor: float) -> None:
     gas.error_scale[0] *= factor
     if gas.error_scale[0] < 1e-100:  # before the stored values overflow
-        gas.error[:] = gas.error * gas.error_scale[0]
+        for unit in range(gas.error.shape[0]):
+            gas.error[unit] *= gas.error_scale[0]
         gas.error_scale[0] = 1.0
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def present(
     gas: Gas,
     samples: F64,
@@ -151,7 +152,7 @@ def present(
     return int(order.shape[0])
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def refresh(gas: Gas, samples: F64) -> None:
     """One pass that moves nothing: edges between the best two of some sample stay, all others go, then units without edges.
 

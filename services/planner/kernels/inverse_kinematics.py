@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import copy_row, kernel, leaf
 from common.robot.kernels import Chain, forward_kinematics
 
 __all__ = ["Arm", "find_branches"]
@@ -40,17 +40,18 @@ class Workspace(NamedTuple):
 
     rotation: F64  # (J + 1, 3, 3)
     translation: F64  # (J + 1, 3)
+    turn: F64  # (3, 3)
     error: F64  # (6,)
     jacobian: F64  # (J, 6)
     normal: F64  # (J, J)
     step: F64  # (J,)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _pose_error(arm: Arm, w: Workspace, T_goal: F64) -> float:
     """Fill ``w.error`` with what is missing to ``T_goal``: metres / LENGTH_M, then rotation vector in world; its squared norm."""
     R, T = w.rotation[len(w.step)], arm.T_joint_tool
-    turn = np.empty((3, 3))  # T_goal's rotation times the inverse of the tool's
+    turn = w.turn  # T_goal's rotation times the inverse of the tool's
     for r in range(3):
         w.error[r] = (T_goal[r, 3] - w.translation[len(w.step), r] - R[r, 0] * T[0, 3] - R[r, 1] * T[1, 3] - R[r, 2] * T[2, 3]) / LENGTH_M
         for c in range(3):
@@ -71,7 +72,7 @@ def _pose_error(arm: Arm, w: Workspace, T_goal: F64) -> float:
     return total
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _fill_jacobian(arm: Arm, w: Workspace) -> None:
     """Row j: motion of the tool point (over LENGTH_M) and turn, in world, for joint j."""
     n = len(w.step)
@@ -93,7 +94,7 @@ def _fill_jacobian(arm: Arm, w: Workspace) -> None:
         row[3], row[4], row[5] = ax, ay, az
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _solve_step(w: Workspace, damping: float) -> None:
     """Fill ``w.step`` with the solution of (J^T J + damping) step = J^T e, by Cholesky in ``w.normal``."""
     n = len(w.step)
@@ -118,7 +119,7 @@ def _solve_step(w: Workspace, damping: float) -> None:
         w.step[a] /= w.normal[a, a]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _descend(arm: Arm, w: Workspace, T_goal: F64, q: F64) -> bool:
     """Move ``q`` (J,) to a solution; False if none is reached."""
     for _ in range(MAX_ITERATIONS):
@@ -133,7 +134,7 @@ def _descend(arm: Arm, w: Workspace, T_goal: F64, q: F64) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _into_limits(arm: Arm, q: F64) -> bool:
     """Whole turns taken off, so that every joint lies within half a turn of the middle of its limits; whether all are within."""
     for j in range(len(q)):
@@ -145,7 +146,7 @@ def _into_limits(arm: Arm, q: F64) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _is_known(arm: Arm, q: F64, branches: F64, n_branches: int) -> bool:
     for i in range(n_branches):
         largest = 0.0
@@ -157,18 +158,18 @@ def _is_known(arm: Arm, q: F64, branches: F64, n_branches: int) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _push_relatives(q: F64, queue: F64, n_queue: int) -> int:
     """Seeds near which the other branches often lie: one joint mirrored (elbow), three in a row flipped (wrist)."""
     n = len(q)
     for j in range(n):
         if n_queue < len(queue):
-            queue[n_queue] = q
+            copy_row(q, queue[n_queue])
             queue[n_queue, j] = -q[j]
             n_queue += 1
     for j in range(n - 2):
         if n_queue < len(queue):
-            queue[n_queue] = q
+            copy_row(q, queue[n_queue])
             queue[n_queue, j] += math.pi
             queue[n_queue, j + 1] *= -1.0
             queue[n_queue, j + 2] += math.pi
@@ -176,14 +177,16 @@ def _push_relatives(q: F64, queue: F64, n_queue: int) -> int:
     return n_queue
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def find_branches(arm: Arm, T_goal: F64, seeds: F64, queue: F64, branches: F64) -> int:
     """Solutions of ``T_goal`` (4, 4) within limits into ``branches`` (M, J), in the order found; their number, at most M.
 
     Tries ``seeds`` (S, J), and after each new branch first its relatives; ``queue`` (Q, J) is scratch for those.
     """
     n = seeds.shape[1]
-    w = Workspace(np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty(6), np.empty((n, 6)), np.empty((n, n)), np.empty(n))
+    w = Workspace(
+        np.empty((n + 1, 3, 3)), np.empty((n + 1, 3)), np.empty((3, 3)), np.empty(6), np.empty((n, 6)), np.empty((n, n)), np.empty(n)
+    )
     q = np.empty(n)
     n_branches, n_queue, i_seed, i_queue = 0, 0, 0, 0
     while n_branches < len(branches):

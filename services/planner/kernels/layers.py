@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from common.kernel import kernel, leaf
 from common.robot.kernels import forward_kinematics, to_joint_frame
 from services.planner.kernels.collision import ROOT3
 from services.planner.kernels.lookup import PAGE
@@ -21,7 +21,7 @@ from services.planner.kernels.reach import look_far, reach_grid
 __all__ = ["change_layers", "edge_bands", "node_bands"]
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _band(distance, grid, turn, shift, x, y, z, half_m, within_m, n_below):  # type: ignore[no-untyped-def]
     """The smallest band below ``n_below`` in which the cube around a world point lies as seen from a body; ``n_below`` if none.
 
@@ -50,7 +50,7 @@ def _band(distance, grid, turn, shift, x, y, z, half_m, within_m, n_below):  # t
     return n_below
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _pose_bands(arm, reach, blocks, within_m, rotation, translation, mark, seen, listed, out, n_out):  # type: ignore[no-untyped-def]
     """Lower the bands of all blocks by what a pose is near; append blocks that this lowers for the first time to ``out``.
 
@@ -73,10 +73,13 @@ def _pose_bands(arm, reach, blocks, within_m, rotation, translation, mark, seen,
         if not arm.moving[b]:
             continue
         turn, shift, grid = rotation[grids.body_joint[b]], translation[grids.body_joint[b]], reach_grid(reach, b)
-        first, last = _block_box(grids, b, turn, shift, room, origin_m, shape, block_m)
-        for ix in range(first[0], last[0] + 1):
-            for iy in range(first[1], last[1] + 1):
-                for iz in range(first[2], last[2] + 1):
+        box = grids, b, turn, shift, room, origin_m, shape, block_m
+        x_first, x_last = _blocks_along(box, 0)
+        y_first, y_last = _blocks_along(box, 1)
+        z_first, z_last = _blocks_along(box, 2)
+        for ix in range(x_first, x_last + 1):
+            for iy in range(y_first, y_last + 1):
+                for iz in range(z_first, z_last + 1):
                     block = (ix * shape[1] + iy) * shape[2] + iz
                     known = seen[block] - base_mark
                     n_below = known if 0 <= known < n_bands else n_bands
@@ -96,22 +99,23 @@ def _pose_bands(arm, reach, blocks, within_m, rotation, translation, mark, seen,
     return n_out
 
 
-@njit(cache=True, nogil=True)
-def _block_box(grids, b, turn, shift, room, origin_m, shape, block_m):  # type: ignore[no-untyped-def]
-    """First and last block along each axis whose middle may be within ``room`` of body ``b``'s box."""
-    first, last = np.empty(3, dtype=np.int64), np.empty(3, dtype=np.int64)
-    for axis in range(3):
-        middle, half = shift[axis], room
-        for i in range(3):
-            low, high = grids.box_min_m[b, i], grids.box_max_m[b, i]
-            middle += turn[axis, i] * (low + high) / 2.0
-            half += abs(turn[axis, i]) * (high - low) / 2.0
-        first[axis] = max(0, math.ceil((middle - half - origin_m[axis]) / block_m - 0.5))
-        last[axis] = min(shape[axis] - 1, math.floor((middle + half - origin_m[axis]) / block_m - 0.5))
-    return first, last
+@leaf
+def _blocks_along(box, axis):  # type: ignore[no-untyped-def]
+    """First and last block along an axis whose middle may be within ``room`` of a body's box.
+
+    ``box``: (grids, body, its frame's rotation and translation, ``room``, then origin, shape and edge of the blocks).
+    """
+    grids, b, turn, shift, room, origin_m, shape, block_m = box
+    middle, half = shift[axis], room
+    for i in range(3):
+        low, high = grids.box_min_m[b, i], grids.box_max_m[b, i]
+        middle += turn[axis, i] * (low + high) / 2.0
+        half += abs(turn[axis, i]) * (high - low) / 2.0
+    first = max(0, math.ceil((middle - half - origin_m[axis]) / block_m - 0.5))
+    return first, min(shape[axis] - 1, math.floor((middle + half - origin_m[axis]) / block_m - 0.5))
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _close_row(n_bands, mark, seen, out, n_from, n_to):  # type: ignore[no-untyped-def]
     """Turn the blocks ``out[n_from:n_to]`` into entries, ascending."""
     for i in range(n_from, n_to):
@@ -119,7 +123,7 @@ def _close_row(n_bands, mark, seen, out, n_from, n_to):  # type: ignore[no-untyp
     out[n_from:n_to].sort()
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def node_bands(arm, reach, blocks, within_m, q_rad, first, stamp, out, offset):  # type: ignore[no-untyped-def]
     """Entries of the neurons ``q_rad`` (n, J) one after another into ``out``; row k ends at ``offset[k + 1]``, ``offset[0]`` is 0.
 
@@ -141,7 +145,7 @@ def node_bands(arm, reach, blocks, within_m, q_rad, first, stamp, out, offset): 
     return len(q_rad)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def edge_bands(arm, reach, blocks, within_m, step_m, q_rad, edges, node_offset, node_entry, first, stamp, out, offset):  # type: ignore[no-untyped-def]
     """Entries of edges (m, 2): blocks to which an edge comes nearer, by a band or more, than both of its ends do.
 
@@ -180,7 +184,7 @@ def edge_bands(arm, reach, blocks, within_m, step_m, q_rad, edges, node_offset, 
     return len(edges)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def change_layers(  # type: ignore[no-untyped-def]
     cells, sign, shape, block_cells, block_count, n_bands, n_bits, node_offset, node_owner, node, edge_offset, edge_owner, edge
 ):
@@ -207,7 +211,7 @@ def change_layers(  # type: ignore[no-untyped-def]
     _add_to_bands(changed[:n], sign, n_bands, n_bits, edge_offset, edge_owner, edge)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _add_to_bands(blocks, sign, n_bands, n_bits, row_offset, row_owner, count):  # type: ignore[no-untyped-def]
     """Add ``sign`` to the band of every owner in the rows of ``blocks``."""
     n = len(blocks)

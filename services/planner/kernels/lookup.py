@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from common.kernel import kernel, leaf
 from common.robot.kernels import body_grid, forward_kinematics
 from services.planner.kernels.collision import ROOT3, cell_touches_body
 from services.planner.kernels.moves import segment_steps
@@ -21,7 +21,7 @@ __all__ = ["PAGE", "change_counts", "count_rows", "difference", "edge_extra_cell
 PAGE = 1 << 16  # owners of a page of rows: as many as 16 bits tell apart
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def pose_cells(arm, origin_m, shape, cell_m, safety_m, rotation, translation, stamp, mark, out, n_out):  # type: ignore[no-untyped-def]
     """Append the flat indices of all cells that block a pose to ``out`` from ``n_out`` on; returns the new count.
 
@@ -89,7 +89,7 @@ def pose_cells(arm, origin_m, shape, cell_m, safety_m, rotation, translation, st
     return n_out
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _clip(a, d, low, high, z_low, z_high):  # type: ignore[no-untyped-def]
     """The part of ``z_low..z_high`` in which ``low <= a + z d <= high``; empty (low above high) if there is none."""
     if abs(d) < 1e-9:
@@ -102,7 +102,7 @@ def _clip(a, d, low, high, z_low, z_high):  # type: ignore[no-untyped-def]
     return max(z_low, u), min(z_high, v)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def node_cells(arm, origin_m, shape, cell_m, safety_m, q_rad, first, stamp, out, offset):  # type: ignore[no-untyped-def]
     """Cells of the neurons ``q_rad`` (n, J) one after another into ``out``; row k ends at ``offset[k + 1]``, ``offset[0]`` is 0.
 
@@ -122,7 +122,7 @@ def node_cells(arm, origin_m, shape, cell_m, safety_m, q_rad, first, stamp, out,
     return len(q_rad)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def edge_extra_cells(  # type: ignore[no-untyped-def]
     arm, origin_m, shape, cell_m, safety_m, step_m, q_rad, edges, node_offset, node_cell, first, stamp, out, offset
 ):
@@ -157,14 +157,14 @@ def edge_extra_cells(  # type: ignore[no-untyped-def]
     return len(edges)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def count_rows(items, row_count):  # type: ignore[no-untyped-def]
     """Add to ``row_count`` (n_cells,) how often each cell occurs in ``items``."""
     for i in range(len(items)):
         row_count[items[i]] += 1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def difference(before, after, appeared, gone):  # type: ignore[no-untyped-def]
     """What ``after`` has and ``before`` has not into ``appeared``, and the reverse into ``gone``, all ascending; how many of each."""
     i, k, n_appeared, n_gone = 0, 0, 0, 0
@@ -180,7 +180,7 @@ def difference(before, after, appeared, gone):  # type: ignore[no-untyped-def]
     return n_appeared, n_gone
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def exposed_cells(cells, appeared, gone, never, shape, occupied, out):  # type: ignore[no-untyped-def]
     """Those of ``cells`` (C,) that are not enclosed: one of the 26 cells around is empty or outside of the grid.
 
@@ -215,14 +215,14 @@ def exposed_cells(cells, appeared, gone, never, shape, occupied, out):  # type: 
     return n_out
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _row_in_rim(cell, shape, side_z, side_yz):  # type: ignore[no-untyped-def]
     """Where the row of cells along z ends that ``cell`` is in, and how much larger its indices are in the grid that has a rim."""
     row = cell // shape[2]
     return (row + 1) * shape[2], (row // shape[1] + 1) * side_yz + (row % shape[1] + 1) * side_z + 1 - row * shape[2]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def change_counts(appeared, gone, node_offset, node_owner, node, edge_offset, edge_owner, edge):  # type: ignore[no-untyped-def]
     """Take in that cells appeared and that others are gone: ``node`` (N,), ``edge`` (M,); cost follows these cells.
 
@@ -234,7 +234,7 @@ def change_counts(appeared, gone, node_offset, node_owner, node, edge_offset, ed
     _add_to_counts(gone, -1, edge_offset, edge_owner, edge)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _add_to_counts(cells, sign, row_offset, row_owner, count):  # type: ignore[no-untyped-def]
     """Add ``sign`` to ``count`` of every owner in the rows of ``cells`` (C,). Cost follows the changed cells."""
     n = len(cells)

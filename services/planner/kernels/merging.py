@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from numba import njit
+from common.kernel import leaf
 
 __all__ = ["append_owners", "copy_rows", "count_unions", "fill_unions"]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def copy_rows(old_offset, old_owner, is_full, n_full, row_offset, owner, cursor):  # type: ignore[no-untyped-def]
     """Copy each row of the old table to its place in the new one and leave ``cursor`` behind it.
 
@@ -32,7 +32,7 @@ def copy_rows(old_offset, old_owner, is_full, n_full, row_offset, owner, cursor)
         cursor[cell] = at
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def append_owners(offset, cells, is_left_out, first_owner, cursor, owner):  # type: ignore[no-untyped-def]
     """Append new owners, ascending, to the rows of their cells.
 
@@ -51,7 +51,7 @@ def append_owners(offset, cells, is_left_out, first_owner, cursor, owner):  # ty
                 cursor[cell] += 1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def count_unions(offset_a, owner_a, offset_b, owner_b, n_bands, seen, counts):  # type: ignore[no-untyped-def]
     """How many owners row r of the union of two tables has, into ``counts`` (n_rows,); owners ascend within a row.
 
@@ -71,7 +71,7 @@ def count_unions(offset_a, owner_a, offset_b, owner_b, n_bands, seen, counts):  
         counts[row] = n
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def fill_unions(offset_a, owner_a, offset_b, owner_b, n_bands, seen, offset, owner):  # type: ignore[no-untyped-def]
     """The owners that :func:`count_unions` counts, ascending, into ``owner`` by ``offset`` (n_rows + 1,).
 
@@ -91,7 +91,7 @@ def fill_unions(offset_a, owner_a, offset_b, owner_b, n_bands, seen, offset, own
                 at += 1
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _next(owner_a, owner_b, i, end_a, k, end_b):  # type: ignore[no-untyped-def]
     """The lower one of two rows' next owners, and where both go on."""
     if k == end_b:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from common.kernel import kernel, leaf
 from common.robot.kernels import forward_kinematics
 
 __all__ = ["displacement_m", "parabola_moves", "segment_moves", "segment_steps"]
@@ -14,7 +14,7 @@ __all__ = ["displacement_m", "parabola_moves", "segment_moves", "segment_steps"]
 PIECE_RAD = 0.25  # see segment_moves
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def displacement_m(arm, b, rotation_a, translation_a, rotation_b, translation_b):  # type: ignore[no-untyped-def]
     """Farthest in metres that any point of body ``b`` is apart in two poses, given by their frames.
 
@@ -37,7 +37,7 @@ def displacement_m(arm, b, rotation_a, translation_a, rotation_b, translation_b)
     return math.sqrt(largest2)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def segment_steps(arm, q_a, dq, step_m, rotation, translation):  # type: ignore[no-untyped-def]
     """Number of equal steps of the joint segment from ``q_a`` by ``dq`` such that no point of the arm moves more than ``step_m`` a step.
 
@@ -46,7 +46,7 @@ def segment_steps(arm, q_a, dq, step_m, rotation, translation):  # type: ignore[
     return segment_moves(arm, q_a, dq, step_m, np.empty(len(arm.moving)), rotation, translation)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def segment_moves(arm, q_a, dq, step_m, body_m, rotation, translation):  # type: ignore[no-untyped-def]
     """:func:`segment_steps`, and ``body_m`` (B,): what no point of each moving body outruns in a step.
 
@@ -57,8 +57,13 @@ def segment_moves(arm, q_a, dq, step_m, body_m, rotation, translation):  # type:
     for j in range(len(dq)):
         largest = max(largest, abs(dq[j]))
     n_pieces = max(1, math.ceil(largest / PIECE_RAD))
-    q = q_a.copy()
-    forward_kinematics(arm.chain, q, rotation[0], translation[0])
+    return _segment_moves(arm, q_a, dq, n_pieces, step_m, body_m, np.empty(len(dq)), rotation, translation)
+
+
+@leaf
+def _segment_moves(arm, q_a, dq, n_pieces, step_m, body_m, q, rotation, translation):  # type: ignore[no-untyped-def]
+    """:func:`segment_moves` over ``n_pieces``; ``q`` (J,): scratch."""
+    forward_kinematics(arm.chain, q_a, rotation[0], translation[0])
     body_m[:] = 0.0
     for piece in range(1, n_pieces + 1):
         for j in range(len(dq)):
@@ -78,7 +83,7 @@ def segment_moves(arm, q_a, dq, step_m, body_m, rotation, translation):  # type:
     return n_steps
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def parabola_moves(arm, q_a, leg_in, leg_out, step_m, body_m, rotation, translation):  # type: ignore[no-untyped-def]
     """:func:`segment_moves` for the parabola that leaves ``q_a`` (J,) along ``leg_in`` and ends along ``leg_out`` after it.
 
@@ -90,7 +95,14 @@ def parabola_moves(arm, q_a, leg_in, leg_out, step_m, body_m, rotation, translat
         largest = max(largest, abs(leg_in[j]), abs(leg_out[j]))
     n_pieces = max(1, math.ceil(2.0 * largest / PIECE_RAD))
     share = min(1.0, 0.5 * PIECE_RAD / largest) if largest > 0.0 else 1.0
-    q = q_a.copy()
+    scratch_rad = np.empty((2, len(q_a)))
+    return _parabola_moves(arm, q_a, leg_in, leg_out, n_pieces, share, step_m, body_m, scratch_rad, rotation, translation)
+
+
+@leaf
+def _parabola_moves(arm, q_a, leg_in, leg_out, n_pieces, share, step_m, body_m, scratch_rad, rotation, translation):  # type: ignore[no-untyped-def]
+    """:func:`parabola_moves` over ``n_pieces``, along ``share`` of the legs; ``scratch_rad`` (2, J)."""
+    q, q_on = scratch_rad[0], scratch_rad[1]
     body_m[:] = 0.0
     for piece in range(n_pieces):
         u = (piece + 0.5) / n_pieces
@@ -98,7 +110,9 @@ def parabola_moves(arm, q_a, leg_in, leg_out, step_m, body_m, rotation, translat
             q[j] = q_a[j] + u * (2.0 * leg_in[j] + u * (leg_out[j] - leg_in[j]))
         forward_kinematics(arm.chain, q, rotation[0], translation[0])
         for leg in (leg_in, leg_out):
-            forward_kinematics(arm.chain, q + share * leg, rotation[1], translation[1])
+            for j in range(len(q)):
+                q_on[j] = q[j] + share * leg[j]
+            forward_kinematics(arm.chain, q_on, rotation[1], translation[1])
             for b in range(len(arm.moving)):
                 if arm.moving[b]:
                     moved_m = displacement_m(arm, b, rotation[0], translation[0], rotation[1], translation[1])

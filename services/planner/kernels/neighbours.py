@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from common.kernel import leaf
 
 __all__ = ["in_patches"]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def in_patches(cells, shape, least, marked, keep):  # type: ignore[no-untyped-def]
     """Set ``keep`` (C,) where ``least`` of ``cells``, the cell itself included, lie within its 3 x 3 x 3 cells.
 

@@ -9,8 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from common.kernel import kernel, leaf
 
 __all__ = ["BUCKET", "NeuronIndex", "nearest_free"]
 
@@ -30,7 +31,7 @@ class NeuronIndex(NamedTuple):
     high_rad: F64
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _to_box(tree, node, q):  # type: ignore[no-untyped-def]
     """Squared distance of ``q`` to the box of a node."""
     total = 0.0
@@ -40,14 +41,19 @@ def _to_box(tree, node, q):  # type: ignore[no-untyped-def]
     return total
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def nearest_free(tree, node_count, q, index, distance):  # type: ignore[no-untyped-def]
     """The ``len(index)`` nearest neurons of ``q`` (J,) whose ``node_count`` (N,) is zero, nearest first; equal distances by number.
 
     Fills ``index`` and ``distance`` (rad); returns how many were found.
     """
-    k, found = len(index), 0
-    waiting, apart, n_waiting = np.empty(MAX_DEPTH, dtype=np.int64), np.empty(MAX_DEPTH), 1
+    return _nearest_free(tree, node_count, q, index, distance, np.empty(MAX_DEPTH, dtype=np.int64), np.empty(MAX_DEPTH))
+
+
+@leaf
+def _nearest_free(tree, node_count, q, index, distance, waiting, apart):  # type: ignore[no-untyped-def]
+    """:func:`nearest_free`; ``waiting``, ``apart`` (MAX_DEPTH,): scratch, nodes to look into and their squared distances."""
+    k, found, n_waiting = len(index), 0, 1
     waiting[0], apart[0] = 0, 0.0
     first_leaf = len(tree.leaf_offset) - 2
     while n_waiting > 0:
@@ -70,7 +76,7 @@ def nearest_free(tree, node_count, q, index, distance):  # type: ignore[no-untyp
     return found
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _search_leaf(tree, leaf, node_count, q, index, distance, found):  # type: ignore[no-untyped-def]
     """Put the unblocked neurons of a leaf that are among the nearest where they belong; ``distance`` is squared here."""
     k = len(index)

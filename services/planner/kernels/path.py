@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from common.kernel import copy_row, kernel, leaf
 from common.robot.kernels import FAR, body_grid, forward_kinematics, look_up, to_joint_frame
 from services.planner.kernels.collision import FREE, farthest_m, no_slack, pose_hits_cell, way_verdict
 from services.planner.kernels.moves import segment_steps
@@ -14,7 +14,7 @@ from services.planner.kernels.moves import segment_steps
 __all__ = ["cells_distance", "curve_verdict", "first_blocked", "leaves", "segment_verdict"]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def segment_verdict(arm, solids, cells, safety_m, step_m, q_a, q_b):  # type: ignore[no-untyped-def]
     """Check the straight joint segment from ``q_a`` to ``q_b`` (J,), both ends included.
 
@@ -36,7 +36,7 @@ def segment_verdict(arm, solids, cells, safety_m, step_m, q_a, q_b):  # type: ig
     return FREE, -1, 1.0
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def curve_verdict(arm, solids, cells, safety_m, step_m, t_s, q_rad, dq_rad_s, from_s, to_s):  # type: ignore[no-untyped-def]
     """Check the cubic Hermite curve of a trajectory between two times, ends included.
 
@@ -68,7 +68,7 @@ def curve_verdict(arm, solids, cells, safety_m, step_m, t_s, q_rad, dq_rad_s, fr
     return FREE, -1, to_s, n_poses
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _largest_turns(t_s, q_rad, dq_rad_s, k, within_s, turned):  # type: ignore[no-untyped-def]
     """Fill ``turned`` (J,) with the most that each joint can turn in ``within_s`` of knot interval ``k``.
 
@@ -84,11 +84,11 @@ def _largest_turns(t_s, q_rad, dq_rad_s, k, within_s, turned):  # type: ignore[n
         turned[j] = 3.0 * max(abs(first), abs(middle), abs(last)) * (within_s / h)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _hermite(t_s, q_rad, dq_rad_s, k, at_s, out):  # type: ignore[no-untyped-def]
     """Position at time ``at_s`` of knot interval ``k``: the interpolant of :mod:`common.robot.trajectory` (a test holds them equal)."""
     if len(t_s) == 1:
-        out[:] = q_rad[0]
+        copy_row(q_rad[0], out)
         return
     h = t_s[k + 1] - t_s[k]
     u = (at_s - t_s[k]) / h
@@ -97,7 +97,7 @@ def _hermite(t_s, q_rad, dq_rad_s, k, at_s, out):  # type: ignore[no-untyped-def
         out[j] = q_rad[k, j] + u * (v0 + u * ((3.0 * d - 2.0 * v0 - v1) + u * (v0 + v1 - 2.0 * d)))
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def first_blocked(arm, cells, safety_m, poses_rad):  # type: ignore[no-untyped-def]
     """Index of the first of ``poses_rad`` (K, J) that a cell blocks, or -1."""
     n_joints = poses_rad.shape[1]
@@ -109,7 +109,7 @@ def first_blocked(arm, cells, safety_m, poses_rad):  # type: ignore[no-untyped-d
     return -1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def cells_distance(arm, cells, rotation, translation):  # type: ignore[no-untyped-def]
     """Lower bound in metres of the distance from any moving body to any cell's centre, at most ``FAR``."""
     grids = arm.grids
@@ -126,7 +126,7 @@ def cells_distance(arm, cells, rotation, translation):  # type: ignore[no-untype
     return nearest
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def leaves(arm, cells, reach_m, slack_m, poses_rad):  # type: ignore[no-untyped-def]
     """Whether the arm, standing among ``cells``, only moves away from them along ``poses_rad`` (K, J).
 

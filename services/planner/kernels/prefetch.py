@@ -10,9 +10,11 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba import njit, types
+from numba import types
 from numba.core import cgutils
 from numba.extending import intrinsic
+
+from common.kernel import leaf
 
 __all__ = ["AHEAD", "fetch_row", "prefetch"]
 
@@ -36,7 +38,7 @@ def prefetch(_context: Any, array: Any, index: Any) -> Any:
     return types.void(array, index), codegen
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def fetch_row(offset, owner, first, last):  # type: ignore[no-untyped-def]
     """Ask for the rows ``first`` to ``last`` (not included) of a page: ``owner[offset[first]:offset[last]]``."""
     for i in range(offset[first], offset[last], OWNERS_A_LINE):

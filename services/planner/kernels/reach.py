@@ -10,9 +10,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import kernel, leaf
 from common.robot.body_distance import cover_distance
 from common.robot.kernels import FAR, BodyGrids, body_grid, look_up
 
@@ -36,7 +36,7 @@ class Reach(NamedTuple):
     distance: NDArray[np.int16]  # flat, x slowest
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def reach_grid(reach, b):  # type: ignore[no-untyped-def]
     """The scalars of body ``b``'s grid for :func:`look_far`, fetched once before a loop."""
     return (
@@ -51,7 +51,7 @@ def reach_grid(reach, b):  # type: ignore[no-untyped-def]
     )
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def look_far(distance, grid, x, y, z):  # type: ignore[no-untyped-def]
     """Lower bound in metres of the distance of a point in the body's joint frame; ``far_m`` beyond the grid.
 
@@ -75,7 +75,7 @@ def reach_of(grids: BodyGrids, far_m: float) -> Reach:
     return Reach(far_m, origin, shape, offset, distance)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fill(grids, b, origin_m, shape, far_m, distance):  # type: ignore[no-untyped-def]
     """Fill ``distance`` of body ``b``: from lower bounds at the voxels' corners to one for all points of each voxel.
 

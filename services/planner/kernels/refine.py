@@ -10,8 +10,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from common.kernel import copy_row, kernel, leaf
 from services.planner.kernels.way import line_between_is_free, new_rooms
 from services.planner.kernels.xoshiro import uniform
 
@@ -22,7 +22,7 @@ LEAST_GAIN_RAD = 2e-3  # what saves less is not looked at; our choice
 IDLE_DRAWS = 20  # draws a look at the most: a path that is nearly straight has little to look at
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _place(path, n, at_rad, q):  # type: ignore[no-untyped-def]
     """Fill ``q`` (J,) with the point ``at_rad`` along the first ``n`` points of ``path``; returns the piece it lies on."""
     k = 0
@@ -40,7 +40,7 @@ def _place(path, n, at_rad, q):  # type: ignore[no-untyped-def]
         k += 1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _lengths(path, n, along):  # type: ignore[no-untyped-def]
     """Fill ``along[:n]`` with the way from the first point to each."""
     along[0] = 0.0
@@ -51,7 +51,7 @@ def _lengths(path, n, along):  # type: ignore[no-untyped-def]
         along[k] = along[k - 1] + math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _draw(along, n, first, rng):  # type: ignore[no-untyped-def]
     """Two places along the path, the nearer one first."""
     if n > first + 2 and uniform(rng) < CORNER_SHARE:
@@ -63,7 +63,7 @@ def _draw(along, n, first, rng):  # type: ignore[no-untyped-def]
     return min(a, b), max(a, b)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def refine(arm, solids, cells, safety_m, step_m, path, proven, n, first, n_looks, rng):  # type: ignore[no-untyped-def]
     """Shorten ``path[:n]`` in place; returns the new number of points, at most ``len(path)``.
 
@@ -91,23 +91,26 @@ def refine(arm, solids, cells, safety_m, step_m, path, proven, n, first, n_looks
             continue
         n_looks -= 1
         rooms[:, 0] = np.nan
-        if not line_between_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b, rooms[0], rooms[1], True):
+        if not line_between_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b, rooms[0], rooms[1]):
             continue
         n = _replace(path, proven, n, a, b, q_a, q_b)
         _lengths(path, n, along)
     return n
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _replace(path, proven, n, a, b, q_a, q_b):  # type: ignore[no-untyped-def]
     """Put two points in the place of the points a + 1 .. b; returns the new number of points."""
     shift, rest = 2 - (b - a), proven[b]
     if shift > 0:
         for k in range(n - 1, b, -1):
-            path[k + shift], proven[k + shift] = path[k], proven[k]
+            copy_row(path[k], path[k + shift])
+            proven[k + shift] = proven[k]
     elif shift < 0:
         for k in range(b + 1, n):
-            path[k + shift], proven[k + shift] = path[k], proven[k]
-    path[a + 1], proven[a + 1] = q_a, 1
-    path[a + 2], proven[a + 2] = q_b, rest
+            copy_row(path[k], path[k + shift])
+            proven[k + shift] = proven[k]
+    copy_row(q_a, path[a + 1])
+    copy_row(q_b, path[a + 2])
+    proven[a + 1], proven[a + 2] = 1, rest
     return n + shift

@@ -13,16 +13,16 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import copy_row, kernel, leaf
 from services.planner.kernels.connect import Graph
 from services.planner.kernels.neuron_index import nearest_free
 from services.planner.kernels.search import pop, push
 from services.planner.kernels.way import line_between_is_free
 from services.planner.kernels.xoshiro import uniform
 
-__all__ = ["EXHAUSTED", "GROWING", "JOINED", "Space", "Trees", "grow", "plant", "root_in_map"]
+__all__ = ["CHUNK", "EXHAUSTED", "GROWING", "JOINED", "Space", "Trees", "grow", "plant", "root_in_map"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -32,6 +32,7 @@ U64 = NDArray[np.uint64]
 
 GROWING, JOINED, EXHAUSTED = 0, 1, 2
 SIDE, ITERATIONS, WAITING = 0, 1, 2  # places in Trees.tally
+SAMPLE, MIDDLE, END = 0, 1, 2  # rows of Trees.scratch_rad
 NO_NEURON = -1
 NOBODY = -1
 RANGE_RAD = 1.0  # longest growth towards a point that is no neuron, and longest step, as in core.rrt_connect; our choice
@@ -84,9 +85,12 @@ class Trees(NamedTuple):
     best: F64  # (1,) rad, length of the way over the map that ``joint`` tells, while goals are joined with it
     joint: I64  # (2,) the nodes, one a tree, between which the straight way is free
     room_m: F64  # (2, K, 2 B + P) rooms of the nodes, as kernels.way fills them; NaN in the first place: not looked at yet
+    scratch_rad: F64  # (3, J) of a sample, its middle, the end of a step
+    scratch_room_m: F64  # (2 B + P,) of the end of a step
+    scratch_d2: F64  # (CHUNK,)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _distance(a, b):  # type: ignore[no-untyped-def]
     total = 0.0
     for j in range(len(a)):
@@ -94,10 +98,10 @@ def _distance(a, b):  # type: ignore[no-untyped-def]
     return math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _nearest(trees, side, q):  # type: ignore[no-untyped-def]
     """The node of a tree that is nearest to ``q``; of equals the first."""
-    best, best_d2, d2 = 0, np.inf, np.empty(CHUNK)
+    best, best_d2, d2 = 0, np.inf, trees.scratch_d2
     n_nodes = trees.n_nodes[side]
     for first in range(0, n_nodes, CHUNK):
         n = min(CHUNK, n_nodes - first)
@@ -112,11 +116,11 @@ def _nearest(trees, side, q):  # type: ignore[no-untyped-def]
     return best
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _append(trees, side, q, parent, neuron):  # type: ignore[no-untyped-def]
     """A new node; the caller has made sure that there is room."""
     i = trees.n_nodes[side]
-    trees.q_rad[side, i] = q
+    copy_row(q, trees.q_rad[side, i])
     for j in range(len(q)):
         trees.column_rad[side, j, i] = q[j]
     trees.parent[side, i], trees.neuron[side, i], trees.room_m[side, i, 0] = parent, neuron, np.nan
@@ -124,13 +128,13 @@ def _append(trees, side, q, parent, neuron):  # type: ignore[no-untyped-def]
     return i
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _is_free(space, q_a, room_a_m, q_b, room_b_m):  # type: ignore[no-untyped-def]
     """Whether the straight way from a pose that is free is free; the rooms are as in kernels.way."""
-    return line_between_is_free(space.arm, space.solids, space.cells, space.safety_m, space.step_m, q_a, q_b, room_a_m, room_b_m, True)
+    return line_between_is_free(space.arm, space.solids, space.cells, space.safety_m, space.step_m, q_a, q_b, room_a_m, room_b_m)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _take_in(space, trees, side, size):  # type: ignore[no-untyped-def]
     """Everything that can be reached on the map from the ``size`` neurons in the heap becomes part of a tree, nearest first."""
     while size > 0:
@@ -153,7 +157,7 @@ def _take_in(space, trees, side, size):  # type: ignore[no-untyped-def]
                 size = push(trees.heap_key, trees.heap_node, size, through, m)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def plant(trees, q_start, q_goals):  # type: ignore[no-untyped-def]
     """Begin with the roots alone: ``q_start`` (J,), ``q_goals`` (G, J) rad, all free. ``trees.rng`` is left as it is."""
     trees.n_nodes[:], trees.tally[:], trees.joint[:] = 0, 0, -1
@@ -163,7 +167,7 @@ def plant(trees, q_start, q_goals):  # type: ignore[no-untyped-def]
         _append(trees, 1, q_goals[g], -1, NO_NEURON)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def root_in_map(space, trees, side, root, n_connections):  # type: ignore[no-untyped-def]
     """Join a root with its nearest free neurons by checked straight ways; the start first, then the goals, each in its turn.
 
@@ -193,7 +197,7 @@ def root_in_map(space, trees, side, root, n_connections):  # type: ignore[no-unt
     return GROWING
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _march(space, trees, side, origin, target, reach_rad):  # type: ignore[no-untyped-def]
     """Steps from node ``origin`` straight to ``target``, at most ``reach_rad``, each wholly free; the target itself is left out.
 
@@ -203,27 +207,28 @@ def _march(space, trees, side, origin, target, reach_rad):  # type: ignore[no-un
     Returns:
         (whether the target was reached, the last node).
     """
-    walked, room_m = 0.0, np.empty(trees.room_m.shape[2])
+    walked, room_m, end = 0.0, trees.scratch_room_m, trees.scratch_rad[END]
     while True:
         start = trees.q_rad[side, origin]
         far = _distance(start, target)
         if far == 0.0:
             return True, origin
         share = min(1.0, RANGE_RAD / far)
-        end = start + share * (target - start)
+        for j in range(len(end)):
+            end[j] = start[j] + share * (target[j] - start[j])
         room_m[0] = np.nan
         if trees.n_nodes[side] == trees.parent.shape[1] or not _is_free(space, start, trees.room_m[side, origin], end, room_m):
             return False, origin
         if share == 1.0:
             return True, origin
         origin = _append(trees, side, end, origin, NO_NEURON)
-        trees.room_m[side, origin] = room_m
+        copy_row(room_m, trees.room_m[side, origin])
         walked += RANGE_RAD
         if walked >= reach_rad:
             return False, origin
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _about(space, trees, middle, most_rad, q):  # type: ignore[no-untyped-def]
     """Fill ``q`` with a point of the box whose joints are at most ``most_rad`` from those of ``middle``."""
     for j in range(len(q)):
@@ -231,7 +236,7 @@ def _about(space, trees, middle, most_rad, q):  # type: ignore[no-untyped-def]
         q[j] = min(max(near, space.q_min[j]), space.q_max[j])
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _between(space, trees, side, q):  # type: ignore[no-untyped-def]
     """Fill ``q`` with a point about the straight way from a node of the other tree to the one of this tree that is nearest to it.
 
@@ -239,11 +244,13 @@ def _between(space, trees, side, q):  # type: ignore[no-untyped-def]
     way each time.
     """
     other = trees.q_rad[1 - side, int(uniform(trees.rng) * trees.n_nodes[1 - side])]
-    mine, share = trees.q_rad[side, _nearest(trees, side, other)], uniform(trees.rng)
-    _about(space, trees, other + share * (mine - other), BETWEEN_RAD, q)
+    mine, share, middle = trees.q_rad[side, _nearest(trees, side, other)], uniform(trees.rng), trees.scratch_rad[MIDDLE]
+    for j in range(len(q)):
+        middle[j] = other[j] + share * (mine[j] - other[j])
+    _about(space, trees, middle, BETWEEN_RAD, q)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _sample(space, trees, side, q):  # type: ignore[no-untyped-def]
     """Fill ``q`` with where to grow to; the neuron that it is, or -1."""
     neurons, between, near, blocked = SHARES if len(space.node_count) > 0 else SHARES_WITHOUT_MAP
@@ -252,7 +259,7 @@ def _sample(space, trees, side, q):  # type: ignore[no-untyped-def]
         for _ in range(NEURON_DRAWS if len(space.free) > 0 else 0):
             n = space.free[int(uniform(trees.rng) * len(space.free))]
             if trees.owner[n] == NOBODY:
-                q[:] = space.graph.neurons_rad[n]
+                copy_row(space.graph.neurons_rad[n], q)
                 return n
     elif kind < neurons + between:
         _between(space, trees, side, q)
@@ -268,7 +275,7 @@ def _sample(space, trees, side, q):  # type: ignore[no-untyped-def]
     return NO_NEURON
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def grow(space, trees, n_iterations, max_iterations):  # type: ignore[no-untyped-def]
     """Go on with the search for ``n_iterations`` samples; where it is cut into slices makes no difference.
 
@@ -280,9 +287,9 @@ def grow(space, trees, n_iterations, max_iterations):  # type: ignore[no-untyped
     Returns:
         GROWING; JOINED: the way leads over ``trees.joint``; EXHAUSTED: by count or for want of room.
     """
-    q = np.empty(len(space.q_min))
+    q = trees.scratch_rad[SAMPLE]
     for _ in range(n_iterations):
-        if trees.tally[ITERATIONS] >= max_iterations or trees.n_nodes.max() == trees.parent.shape[1]:
+        if trees.tally[ITERATIONS] >= max_iterations or max(trees.n_nodes[0], trees.n_nodes[1]) == trees.parent.shape[1]:
             return EXHAUSTED
         trees.tally[ITERATIONS] += 1
         side = trees.tally[SIDE]
@@ -300,7 +307,7 @@ def grow(space, trees, n_iterations, max_iterations):  # type: ignore[no-untyped
             last = _append(trees, side, q, last, NO_NEURON)
         elif last == origin:
             continue
-        met = trees.q_rad[side, last].copy()
+        met = trees.q_rad[side, last]
         reached, at = _march(space, trees, other, _nearest(trees, other, met), met, np.inf)
         if reached:
             trees.joint[side], trees.joint[other] = last, at

@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import copy_row, kernel, leaf
 from services.planner.kernels.cells import Cells
 from services.planner.kernels.collision import Arm, pose_is_free
 from services.planner.kernels.static_layer import Solids
@@ -35,6 +35,7 @@ class World(NamedTuple):
     safety_m: float  # kept from cells
     rotation: F64  # (J + 1, 3, 3) scratch
     translation: F64  # (J + 1, 3) scratch
+    q_rad: F64  # (J,) scratch
 
 
 class Trees(NamedTuple):
@@ -45,7 +46,7 @@ class Trees(NamedTuple):
     n_nodes: I32  # (2,)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _distance(a: F64, b: F64) -> float:
     total = 0.0
     for j in range(len(a)):
@@ -53,15 +54,15 @@ def _distance(a: F64, b: F64) -> float:
     return math.sqrt(total)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def segment_is_free(world: World, q_a: F64, q_b: F64, step_rad: float) -> bool:
     """Whether the straight joint motion from ``q_a`` to ``q_b`` (J,) is free at poses at most ``step_rad`` apart.
 
     ``q_a`` itself is taken to be free; ``q_b`` is looked at first, then the middle, the quarters and so on: what collides shows early.
     """
     n = math.ceil(_distance(q_a, q_b) / step_rad)
-    q = q_b.copy()
-    if not pose_is_free(world.arm, world.solids, world.cells, world.safety_m, q, world.rotation, world.translation):
+    q = world.q_rad
+    if not pose_is_free(world.arm, world.solids, world.cells, world.safety_m, q_b, world.rotation, world.translation):
         return False
     stride = 1
     while stride < n:
@@ -76,7 +77,7 @@ def segment_is_free(world: World, q_a: F64, q_b: F64, step_rad: float) -> bool:
     return True
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _nearest(trees: Trees, side: int, q: F64) -> int:
     best, best_distance = 0, np.inf
     for i in range(trees.n_nodes[side]):
@@ -88,7 +89,7 @@ def _nearest(trees: Trees, side: int, q: F64) -> int:
     return best
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _extend(world: World, trees: Trees, side: int, origin: int, target: F64, range_rad: float, step_rad: float) -> int:
     """One step of at most ``range_rad`` from node ``origin`` to ``target``; the new node is the last of its tree."""
     n = trees.n_nodes[side]
@@ -106,7 +107,7 @@ def _extend(world: World, trees: Trees, side: int, origin: int, target: F64, ran
     return REACHED if share == 1.0 else ADVANCED
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _joined_path(trees: Trees, path: F64) -> int:
     """The last nodes of both trees coincide: the way from root 0 to root 1 into ``path``; its length, 0 if it is too long."""
     n_start, n_goal = 0, 0
@@ -122,16 +123,16 @@ def _joined_path(trees: Trees, path: F64) -> int:
         return 0
     i, k = int(trees.n_nodes[0] - 1), n_start - 1
     while i >= 0:
-        path[k] = trees.q_rad[0, i]
+        copy_row(trees.q_rad[0, i], path[k])
         i, k = int(trees.parent[0, i]), k - 1
     i, k = int(trees.parent[1, trees.n_nodes[1] - 1]), n_start
     while i >= 0:
-        path[k] = trees.q_rad[1, i]
+        copy_row(trees.q_rad[1, i], path[k])
         i, k = int(trees.parent[1, i]), k + 1
     return n_start + n_goal
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def grow_until_joined(
     world: World,
     trees: Trees,
@@ -175,7 +176,7 @@ def grow_until_joined(
     return 0
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _point_at(path: F64, n_points: int, along: float, q: F64) -> int:
     """Fill ``q`` with the point at ``along`` rad of the path's length; the index of the segment it lies on."""
     for i in range(n_points - 1):
@@ -189,7 +190,7 @@ def _point_at(path: F64, n_points: int, along: float, q: F64) -> int:
     return n_points - 2
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def shortcut(world: World, path: F64, n_points: int, n_attempts: int, step_rad: float, rng: U64) -> int:
     """Replace stretches between random points of ``path[:n_points]`` by straight motions where these are free; the new number of points.
 

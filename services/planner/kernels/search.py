@@ -8,8 +8,8 @@ the input alone: equal questions get equal answers. Dijkstra from both ends: :mo
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from common.kernel import leaf
 from services.planner.kernels.buckets import BUCKET_RAD, N_BUCKETS, arrange, bound_of, next_bucket, put, take
 from services.planner.kernels.prefetch import prefetch
 
@@ -20,7 +20,7 @@ MARK_BITS, MARK_MASK = 6, 63
 ALL_BITS = np.uint64(0xFFFF_FFFF_FFFF_FFFF)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def push(heap_key, heap_node, size, key, node):  # type: ignore[no-untyped-def]
     """Put ``node`` under ``key`` into a heap of ``size`` elements, the smallest key at the root; returns the new size."""
     i = size
@@ -34,7 +34,7 @@ def push(heap_key, heap_node, size, key, node):  # type: ignore[no-untyped-def]
     return size + 1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def pop(heap_key, heap_node, size):  # type: ignore[no-untyped-def]
     """Remove the root (its values were read before); the last element sinks from the top."""
     size -= 1
@@ -54,7 +54,7 @@ def pop(heap_key, heap_node, size):  # type: ignore[no-untyped-def]
     return size
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def surcharged(length, near, n, m, edge):  # type: ignore[no-untyped-def]
     """Cost of an edge of ``length`` between neurons ``n`` and ``m``: more in the band of the nearest thing to any of the three.
 
@@ -72,7 +72,7 @@ def surcharged(length, near, n, m, edge):  # type: ignore[no-untyped-def]
     return length * near.factor[band]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def best_first(  # type: ignore[no-untyped-def]
     neurons,
     adj_offset,
@@ -155,7 +155,7 @@ def best_first(  # type: ignore[no-untyped-def]
     return _trace(parent, best_end, path), best, settled
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _fetch_neighbours(n, neurons, adj_offset, adj_node, adj_edge, node_count, edge_count, near, cost):  # type: ignore[no-untyped-def]
     """Ask for all that will be read of the neighbours of ``n``, so that the waits for it run side by side.
 
@@ -170,7 +170,7 @@ def _fetch_neighbours(n, neurons, adj_offset, adj_node, adj_edge, node_count, ed
         prefetch(edge_count, np.int64(adj_edge[i]))
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _fetch_next(queue, at, adj_offset, adj_node, adj_edge, adj_length):  # type: ignore[no-untyped-def]
     """Ask for the row of the neuron that now comes first in bucket ``at``."""
     if queue[at] >= 0:
@@ -180,7 +180,7 @@ def _fetch_next(queue, at, adj_offset, adj_node, adj_edge, adj_length):  # type:
         prefetch(adj_length, first)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _begin(node_count, starts, start_cost, cost, parent, entry_cost, queue):  # type: ignore[no-untyped-def]
     """The starts that are not blocked as entries, not arranged yet; returns how many."""
     n_entries = 0
@@ -193,7 +193,7 @@ def _begin(node_count, starts, start_cost, cost, parent, entry_cost, queue):  # 
     return n_entries
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _join_cost(n, goals, goal_cost):  # type: ignore[no-untyped-def]
     """The least cost at which neuron ``n`` joins the goal; infinite if it is none of ``goals``."""
     least = np.inf
@@ -203,7 +203,7 @@ def _join_cost(n, goals, goal_cost):  # type: ignore[no-untyped-def]
     return least
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _marks(nodes, shift):  # type: ignore[no-untyped-def]
     """A word in which the bits of ``nodes`` (K,) are set, six bits of a node's number from bit ``shift`` on: most others are told apart."""
     marks = np.int64(0)
@@ -212,7 +212,7 @@ def _marks(nodes, shift):  # type: ignore[no-untyped-def]
     return marks
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _trace(parent, end, path):  # type: ignore[no-untyped-def]
     """Fill ``path`` from the root to ``end``; returns its length."""
     n, length = end, 0
@@ -225,7 +225,7 @@ def _trace(parent, end, path):  # type: ignore[no-untyped-def]
     return length
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def breadth_first(  # type: ignore[no-untyped-def]
     adj_offset, adj_node, adj_edge, node_count, edge_count, starts, start_cost, goals, goal_cost, level, parent, queue, path
 ):

@@ -9,8 +9,8 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from common.kernel import kernel, leaf
 from common.robot.body_distance import to_world
 from common.robot.kernels import forward_kinematics, to_joint_frame
 from services.planner.kernels.cells import BLOCK
@@ -29,14 +29,14 @@ class SpeedLaw(NamedTuple):
     reduced_m_s: float  # allowed at any separation
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def needed_separation(law, speed_m_s):  # type: ignore[no-untyped-def]
     """S_h + S_r + S_s in metres at a speed of a point of the arm."""
     stop_s = speed_m_s / law.braking_m_s2
     return law.person_m_s * (law.reaction_s + stop_s) + speed_m_s * law.reaction_s + 0.5 * speed_m_s * stop_s
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def allowed_speed(law, separation_m):  # type: ignore[no-untyped-def]
     """The largest speed in m/s whose :func:`needed_separation` is at most ``separation_m``, and never less than the reduced speed."""
     half_b = law.person_m_s + law.braking_m_s2 * law.reaction_s  # v^2 + 2 half_b v = 2 a (S - v_h T_r)
@@ -46,7 +46,7 @@ def allowed_speed(law, separation_m):  # type: ignore[no-untyped-def]
     return max(law.reduced_m_s, math.sqrt(half_b * half_b + room) - half_b)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def body_separation(arm, reach, cells, b, turn, shift, enough_m):  # type: ignore[no-untyped-def]
     """Lower bound in metres of the distance of body ``b`` to all cells, at most ``enough_m``; ``turn``, ``shift``: its frame.
 
@@ -84,15 +84,16 @@ def body_separation(arm, reach, cells, b, turn, shift, enough_m):  # type: ignor
     return best
 
 
-@njit(cache=True, nogil=True)
-def _body_rates(arm, dq, rotation, translation, rate):  # type: ignore[no-untyped-def]
+@leaf
+def _body_rates(arm, dq, rotation, translation, scratch, rate):  # type: ignore[no-untyped-def]
     """Fill ``rate`` (B,) with the fastest speed of any point of each body, in metres per unit, while the joints turn by ``dq`` (J,) a unit.
 
-    A body's points move as one rigid body, so none is faster than the fastest corner of its box.
+    A body's points move as one rigid body, so none is faster than the fastest corner of its box. ``scratch`` (2 J + 3, 3).
     """
     chain, grids = arm.chain, arm.grids
-    n_frames, origin = len(dq) + 1, np.zeros(3)
-    turning, moving = np.zeros((n_frames, 3)), np.zeros((n_frames, 3))
+    n_frames = len(dq) + 1
+    turning, moving, origin = scratch[:n_frames], scratch[n_frames : 2 * n_frames], scratch[2 * n_frames]
+    scratch[:] = 0.0
     for j in range(1, n_frames):
         a, t = chain.axis[j - 1], translation[j]
         x, y, z = t[0] - translation[j - 1, 0], t[1] - translation[j - 1, 1], t[2] - translation[j - 1, 2]
@@ -125,13 +126,13 @@ def _body_rates(arm, dq, rotation, translation, rate):  # type: ignore[no-untype
         rate[b] = math.sqrt(fastest2)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _moved_m(s, rate, i, b):  # type: ignore[no-untyped-def]
     """How far any point of body ``b`` moves from sample ``i`` to the next, by the larger of the two rates."""
     return (s[i + 1] - s[i]) * max(rate[i, b], rate[i + 1, b])
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _enough_m(law, s, b, rate, speed, i):  # type: ignore[no-untyped-def]
     """The separation of body ``b`` at sample ``i`` from which on its two pieces bound nothing; 0 where reduced speed is enough."""
     fastest, moved_m = 0.0, 0.0
@@ -142,7 +143,7 @@ def _enough_m(law, s, b, rate, speed, i):  # type: ignore[no-untyped-def]
     return 0.0 if fastest <= law.reduced_m_s else needed_separation(law, fastest) + 0.5 * moved_m
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _cap_body(arm, reach, cells, law, s, b, rate, speed, rotation, translation, apart, cap):  # type: ignore[no-untyped-def]
     """:func:`speed_caps` of body ``b``.
 
@@ -169,7 +170,15 @@ def _cap_body(arm, reach, cells, law, s, b, rate, speed, rotation, translation, 
                 cap[end] = min(cap[end], (allowed / rate[end, b]) ** 2)
 
 
-@njit(cache=True, nogil=True)
+@leaf
+def _rates(arm, q, d1, rotation, translation, scratch, rate):  # type: ignore[no-untyped-def]
+    """Frames of all samples, and :func:`_body_rates` at them."""
+    for i in range(len(q)):
+        forward_kinematics(arm.chain, q[i], rotation[i], translation[i])
+        _body_rates(arm, d1[i], rotation[i], translation[i], scratch, rate[i])
+
+
+@kernel
 def speed_caps(arm, reach, cells, law, s, q, d1, speed, cap):  # type: ignore[no-untyped-def]
     """Lower ``cap`` (N,), bounds of (ds/dt)^2 at samples of a path, to what ``law`` allows each moving body at its separation from cells.
 
@@ -186,9 +195,7 @@ def speed_caps(arm, reach, cells, law, s, q, d1, speed, cap):  # type: ignore[no
         return
     rotation, translation = np.empty((n, n_joints + 1, 3, 3)), np.empty((n, n_joints + 1, 3))
     rate, apart, bound = np.empty((n, n_bodies)), np.empty(n), speed.copy()
-    for i in range(n):
-        forward_kinematics(arm.chain, q[i], rotation[i], translation[i])
-        _body_rates(arm, d1[i], rotation[i], translation[i], rate[i])
+    _rates(arm, q, d1, rotation, translation, np.empty((2 * n_joints + 3, 3)), rate)
     for b in range(n_bodies - 1, -1, -1):  # from the tool, the fastest: where it is slowed, others need less room
         if arm.moving[b]:
             _cap_body(arm, reach, cells, law, s, b, rate, bound, rotation, translation, apart, cap)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from numba import njit
-
+from common.kernel import kernel
 from services.planner.kernels.way import line_between_is_free, new_rooms
 
 __all__ = ["cut_corners"]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def cut_corners(arm, solids, cells, safety_m, step_m, path, first, n_checks, kept, proven):  # type: ignore[no-untyped-def]
     """Indices of the points of ``path`` (P, J) that stay, into ``kept`` (P,); returns how many.
 
@@ -32,7 +31,7 @@ def cut_corners(arm, solids, cells, safety_m, step_m, path, first, n_checks, kep
                 break
             n_checks -= 1
             ends = path[here], path[ahead], rooms[here], rooms[ahead]
-            if line_between_is_free(arm, solids, cells, safety_m, step_m, *ends, True):
+            if line_between_is_free(arm, solids, cells, safety_m, step_m, *ends):
                 proven[n - 1] = 1
                 break
             ahead = here + max(1, (ahead - here) // 2)

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from common.kernel import kernel, leaf
 from services.planner.kernels.static_layer import BOX, ROOT3, SPHERE, solid_distance
 
 __all__ = ["cube_meets_solid", "mark_solid_cells"]
@@ -20,7 +20,7 @@ PARALLEL = 1e-6  # a cross product that short: the two edges are parallel, and t
 EDGES = 12  # of a cube
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _cube_meets_box(turn, size_m, x, y, z, half_m):  # type: ignore[no-untyped-def]
     """Separating axes (Gottschalk 1996): the three faces of each, and the nine cross products of their edges.
 
@@ -55,7 +55,7 @@ def _cube_meets_box(turn, size_m, x, y, z, half_m):  # type: ignore[no-untyped-d
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _cube_meets_cylinder(turn, radius_m, half_length_m, x, y, z, half_m):  # type: ignore[no-untyped-def]
     """The part of the cube between the cylinder's two planes, seen along its axis, is a convex polygon; is the axis near enough to it?
 
@@ -88,7 +88,7 @@ def _cube_meets_cylinder(turn, radius_m, half_length_m, x, y, z, half_m):  # typ
     return n > 0 and _axis_within(seen, n, radius_m - SHARED_M)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _axis_within(points, n, radius_m):  # type: ignore[no-untyped-def]
     """Whether the convex hull of ``points[:n]`` (n, 2) comes nearer than ``radius_m`` to the origin."""
     outside = False
@@ -110,7 +110,7 @@ def _axis_within(points, n, radius_m):  # type: ignore[no-untyped-def]
     return False
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def cube_meets_solid(kind, size_m, rotation, translation, s, x, y, z, half_m):  # type: ignore[no-untyped-def]
     """Whether the cube about the world point (x, y, z), along the world's axes, overlaps solid ``s``.
 
@@ -130,7 +130,7 @@ def cube_meets_solid(kind, size_m, rotation, translation, s, x, y, z, half_m):  
     return _cube_meets_cylinder(rotation[s], size_m[s, 0], size_m[s, 1], x, y, z, half_m)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def mark_solid_cells(kind, size_m, rotation, translation, reach_m, origin_m, shape, cell_m, occupied):  # type: ignore[no-untyped-def]
     """Set ``occupied`` (n_cells,) uint8 for every cell that a solid overlaps; what lies outside the grid is left out.
 

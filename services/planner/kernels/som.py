@@ -8,8 +8,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from common.kernel import kernel, leaf
 
 __all__ = ["CUT", "FAINT", "TILE", "Lattice", "assign", "fit_all_boxes", "nearest", "present", "pull", "smooth"]
 
@@ -40,7 +41,7 @@ class Lattice(NamedTuple):
     box_high: F64  # (tiles, D)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _fit_box(lattice: Lattice, tile_row: int, tile_column: int) -> None:
     rows, columns = lattice.shape[0], lattice.shape[1]
     tile = tile_row * ((columns + TILE - 1) // TILE) + tile_column
@@ -55,7 +56,7 @@ def _fit_box(lattice: Lattice, tile_row: int, tile_column: int) -> None:
                 high[k] = max(high[k], vector[k])
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def fit_all_boxes(lattice: Lattice) -> None:
     """Make the index right after vectors were set from outside."""
     for tile_row in range((lattice.shape[0] + TILE - 1) // TILE):
@@ -63,7 +64,7 @@ def fit_all_boxes(lattice: Lattice) -> None:
             _fit_box(lattice, tile_row, tile_column)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _distance(lattice: Lattice, unit: int, point: F64, limit: float) -> float:
     """Distance of a unit, or a part of it that is above ``limit`` already."""
     total = 0.0
@@ -75,7 +76,7 @@ def _distance(lattice: Lattice, unit: int, point: F64, limit: float) -> float:
     return total
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _is_beyond(lattice: Lattice, tile: int, point: F64, limit: float) -> bool:
     """Whether every unit of a tile is farther than ``limit``.
 
@@ -90,7 +91,7 @@ def _is_beyond(lattice: Lattice, tile: int, point: F64, limit: float) -> bool:
     return False
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def nearest(lattice: Lattice, point: F64, hint: int) -> int:
     """The unit nearest to ``point`` (D,): equal to a scan of all units, ties to the lower one, whatever the ``hint``.
 
@@ -112,7 +113,7 @@ def nearest(lattice: Lattice, point: F64, hint: int) -> int:
     return best
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def pull(lattice: Lattice, winner: int, target: F64, rate: float, spread: float) -> None:
     """Move the winner and its neighbours towards ``target`` (D,) by ``rate * exp(-d^2 / spread)``, d in steps of the lattice (see CUT)."""
     rows, columns = lattice.shape[0], lattice.shape[1]
@@ -133,7 +134,7 @@ def pull(lattice: Lattice, winner: int, target: F64, rate: float, spread: float)
             _fit_box(lattice, tile_row, tile_column)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def present(lattice: Lattice, samples: F64, order: I64, rate: F64, spread: F64, winner: I32) -> None:
     """Sequential training: show ``samples[order]`` (S, D), the i-th with ``rate[i]`` and ``spread[i]``.
 
@@ -145,7 +146,7 @@ def present(lattice: Lattice, samples: F64, order: I64, rate: F64, spread: F64, 
         pull(lattice, winner[sample], samples[sample], rate[i], spread[i])
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def assign(lattice: Lattice, samples: F64, winner: I32, total: F64) -> None:
     """First half of a batch epoch: into ``total`` (R * C, D + 1) the sum of the samples that each unit wins, and last their number.
 
@@ -161,7 +162,7 @@ def assign(lattice: Lattice, samples: F64, winner: I32, total: F64) -> None:
         total[unit, n] += 1.0
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _smooth_along(source: F64, profile: F64, out: F64) -> None:
     """``out[i] = sum over j of profile[|i - j|] * source[j]`` along the first axis of (n, m, D + 1)."""
     out[:] = 0.0
@@ -174,7 +175,7 @@ def _smooth_along(source: F64, profile: F64, out: F64) -> None:
                         out[i, m, k] += weight * source[j, m, k]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def smooth(lattice: Lattice, total: F64, scratch: F64, spread: float) -> None:
     """Second half: each unit becomes the mean of all samples, those won at lattice distance d counting exp(-d^2 / spread).
 

@@ -9,9 +9,9 @@ import math
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
 
+from common.kernel import leaf
 from common.robot.body_distance import to_world
 
 __all__ = ["BOX", "CYLINDER", "NO_SOLIDS", "SPHERE", "Field", "Solids", "body_static_gap", "fill_field", "solid_distance"]
@@ -49,7 +49,7 @@ _UNKNOWN = Field(np.empty(0, dtype=np.float32), np.zeros(3), np.zeros(3, dtype=n
 NO_SOLIDS = Solids(np.empty(0, dtype=np.int64), np.empty((0, 3)), np.empty((0, 3, 3)), np.empty((0, 3)), _UNKNOWN)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def solid_distance(kind, size_m, turn, shift, s, px, py, pz):  # type: ignore[no-untyped-def]
     """Signed distance in metres (negative inside) of a world point to solid ``s``; exact."""
     px, py, pz = px - shift[s, 0], py - shift[s, 1], pz - shift[s, 2]
@@ -66,7 +66,7 @@ def solid_distance(kind, size_m, turn, shift, s, px, py, pz):  # type: ignore[no
     return math.sqrt(max(u, 0.0) ** 2 + max(w, 0.0) ** 2) + min(max(u, w), 0.0)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def fill_field(solids, field):  # type: ignore[no-untyped-def]
     """Fill ``field.distance_m``: the distance at each voxel's centre less half its diagonal."""
     nx, ny, nz = field.shape
@@ -82,7 +82,7 @@ def fill_field(solids, field):  # type: ignore[no-untyped-def]
                 field.distance_m[(i * ny + j) * nz + k] = nearest - 0.5 * h * ROOT3 - 1e-6
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _field_at(field, x, y, z):  # type: ignore[no-untyped-def]
     """Lower bound at a world point."""
     fx, fy, fz = (
@@ -98,7 +98,7 @@ def _field_at(field, x, y, z):  # type: ignore[no-untyped-def]
     return float(field.distance_m[(int(fx) * field.shape[1] + int(fy)) * field.shape[2] + int(fz)])
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def body_static_gap(grids, solids, b, turn, shift, margin_m):  # type: ignore[no-untyped-def]
     """``(gap, solid)``: how far body ``b`` may move until it could be within ``margin_m`` of the static layer (a lower bound, in metres).
 
@@ -127,7 +127,7 @@ def body_static_gap(grids, solids, b, turn, shift, margin_m):  # type: ignore[no
     return gap, -1
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _group_room(grids, solids, g, s, x, y, z, turn, shift, margin_m):  # type: ignore[no-untyped-def]
     """Room of group ``g``, its middle at (x, y, z), beyond ``margin_m`` of solid ``s``; by its single spheres where that is little."""
     kind, size, rotation, translation = solids.kind, solids.size_m, solids.rotation, solids.translation

@@ -11,8 +11,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from common.kernel import copy_row, kernel, leaf
 from common.robot.rates import hermite_rates
 
 __all__ = ["CANNOT_ENTER", "astray", "fastest_profile", "fastest_within"]
@@ -24,7 +24,7 @@ LEAST_SPEED_SHARE = 0.9  # of the speed limits, however much those of accelerati
 SLACK = 1e-9  # of rad/s^2; rounding must not make a touching pair of constraints infeasible
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _bounds_of_u(x, d1, d2, e1, e2, limit, delta, x_next_max):  # type: ignore[no-untyped-def]
     """Tightest lower and upper line of u at ``x``: (low, slope of low, high, slope of high).
 
@@ -52,7 +52,7 @@ def _bounds_of_u(x, d1, d2, e1, e2, limit, delta, x_next_max):  # type: ignore[n
     return low, low_slope, high, high_slope
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _x_max(d1, d2, velocity, acceleration):  # type: ignore[no-untyped-def]
     """Largest x that the velocity limits allow, and the acceleration limits where a joint's path stands still (d1 = 0)."""
     x = np.inf
@@ -64,10 +64,10 @@ def _x_max(d1, d2, velocity, acceleration):  # type: ignore[no-untyped-def]
     return x
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _soften(s, d1, d2, d2_before, acceleration, speed_start, cap, soft):  # type: ignore[no-untyped-def]
     """Fill ``soft`` (N,) with ``cap`` (N,), raised where the motion that brakes as hard as it can from the start is still above it."""
-    soft[:] = cap
+    copy_row(cap, soft)
     x = speed_start * speed_start
     for i in range(len(s)):
         if x <= cap[i]:
@@ -79,7 +79,7 @@ def _soften(s, d1, d2, d2_before, acceleration, speed_start, cap, soft):  # type
             x = max(x + 2.0 * delta * low, 0.0)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def fastest_profile(s, d1, d2, d2_before, velocity, acceleration, cap, speed_start, x, upper, time):  # type: ignore[no-untyped-def]
     """Squared path speed and time at grid points of the fastest motion that starts at ``speed_start`` and ends at rest.
 
@@ -128,7 +128,7 @@ def fastest_profile(s, d1, d2, d2_before, velocity, acceleration, cap, speed_sta
     return True
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def fastest_within(  # type: ignore[no-untyped-def]
     s, q, d1, d2, d2_before, velocity, acceleration, cap, speed_start, dq_start, factors, x, upper, time, dq
 ):
@@ -162,7 +162,7 @@ def fastest_within(  # type: ignore[no-untyped-def]
     return len(factors)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def astray(s, x, time, d2, most_rad):  # type: ignore[no-untyped-def]
     """Fill ``most_rad`` (J,): how far the cubic between knots may be from the path, where that is a parabola of ``s`` between them.
 

@@ -11,8 +11,8 @@ Twin: every pose of the finest step by itself (``tests/unit/planner/test_way.py`
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from common.kernel import kernel, leaf
 from common.robot.kernels import forward_kinematics
 from services.planner.kernels.collision import body_cell_gap, pair_gap, tabled_gap
 from services.planner.kernels.moves import parabola_moves, segment_moves
@@ -21,13 +21,13 @@ from services.planner.kernels.static_layer import body_static_gap
 __all__ = ["line_between_is_free", "line_is_free", "new_rooms", "parabola_is_free", "pose_room"]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def new_rooms(arm, n):  # type: ignore[no-untyped-def]
     """(n, 2 B + P) the rooms of ``n`` poses that were not looked at yet; see :func:`line_between_is_free`."""
     return np.full((n, 2 * len(arm.moving) + len(arm.pairs)), np.nan)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def pose_room(arm, solids, cells, safety_m, q, room):  # type: ignore[no-untyped-def]
     """Whether a pose (J,) is free; if so, ``room`` (2 B + P,) tells how far each body and pair may move until it could touch anything."""
     rotation, translation = np.empty((len(q) + 1, 3, 3)), np.empty((len(q) + 1, 3))
@@ -38,37 +38,38 @@ def pose_room(arm, solids, cells, safety_m, q, room):  # type: ignore[no-untyped
     return False
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def line_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b):  # type: ignore[no-untyped-def]
     """Whether the straight joint segment from ``q_a`` to ``q_b`` (J,) is free, both ends included."""
     room = new_rooms(arm, 2)
     for k in range(2):
         if not pose_room(arm, solids, cells, safety_m, q_a if k else q_b, room[k]):
             return False
-    return line_between_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b, room[1], room[0], False)
+    return line_between_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b, room[1], room[0])
 
 
-@njit(cache=True, nogil=True)
-def line_between_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b, room_a, room_b, doubtful):  # type: ignore[no-untyped-def]
+@kernel
+def line_between_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b, room_a, room_b):  # type: ignore[no-untyped-def]
     """Whether the straight joint segment between two poses that are free is free.
 
     Args:
         q_a, q_b: (J,) its ends.
         room_a, room_b: (2 B + P,) their rooms as :func:`pose_room` fills them, or NaN in the first place where that end was not looked at
-            yet; filled then if it has to be, for others that begin or end there.
-        doubtful: the segment is likely to be blocked: its middle is looked at before its ends.
+            yet; filled then if it has to be, for others that begin or end there. The middle is looked at first then: what is blocked
+            mostly shows there.
     """
-    n_joints, n_bodies = len(q_a), len(arm.moving)
+    n_joints, n_bodies, n_items = len(q_a), len(arm.moving), len(room_a)
     rotation, translation = np.empty((2, n_joints + 1, 3, 3)), np.empty((2, n_joints + 1, 3))
     leg, turned, body_m, bend = q_b - q_a, np.empty(n_joints), np.empty(n_bodies), np.zeros(n_joints)
     n_steps = segment_moves(arm, q_a, leg, step_m, body_m, rotation, translation)
     for j in range(n_joints):
         turned[j] = abs(leg[j]) / n_steps
-    moved = _most_moved(arm, turned, body_m)
-    room, look, q = np.empty((n_steps + 1, len(moved))), np.ones(len(moved), dtype=np.bool_), np.empty(n_joints)
+    moved = np.empty(n_items)
+    _most_moved(arm, turned, body_m, moved)
+    room, look, q = np.empty((n_steps + 1, n_items)), np.ones(n_items, dtype=np.bool_), np.empty(n_joints)
     room[:, 0] = np.nan
     middle = n_steps // 2
-    if doubtful and middle > 0 and np.isnan(room_a[0] + room_b[0]):
+    if middle > 0 and np.isnan(room_a[0] + room_b[0]):
         u = middle / n_steps
         if not _looks_free(arm, solids, cells, safety_m, q_a, leg, bend, u, q, look, room[middle], rotation[0], translation[0]):
             return False
@@ -76,10 +77,12 @@ def line_between_is_free(arm, solids, cells, safety_m, step_m, q_a, q_b, room_a,
         if np.isnan(room_end[0]) and not pose_room(arm, solids, cells, safety_m, q_end, room_end):
             return False
     room[0], room[n_steps] = room_a, room_b
-    return _is_free(arm, solids, cells, safety_m, q_a, leg, bend, n_steps, moved, room, rotation[0], translation[0])
+    waiting = np.empty((n_steps + 1, 2), dtype=np.int64)
+    way = q_a, leg, bend, n_steps
+    return _is_free(arm, solids, cells, safety_m, way, moved, room, q, look, waiting, rotation[0], translation[0])
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def parabola_is_free(arm, solids, cells, safety_m, step_m, q_a, leg_in, leg_out):  # type: ignore[no-untyped-def]
     """Whether the parabola that leaves ``q_a`` (J,) along ``leg_in`` and ends along ``leg_out`` after it is free.
 
@@ -92,24 +95,27 @@ def parabola_is_free(arm, solids, cells, safety_m, step_m, q_a, leg_in, leg_out)
     for j in range(n_joints):
         slope[j], bend[j] = 2.0 * leg_in[j], leg_out[j] - leg_in[j]
         turned[j] = 2.0 * max(abs(leg_in[j]), abs(leg_out[j])) / n_steps  # no joint turns faster than twice the longer leg
-    moved = _most_moved(arm, turned, body_m)
+    moved = np.empty(2 * n_bodies + len(arm.pairs))
+    _most_moved(arm, turned, body_m, moved)
     room, look, q = np.empty((n_steps + 1, len(moved))), np.ones(len(moved), dtype=np.bool_), np.empty(n_joints)
     room[:, 0] = np.nan
     for end in (n_steps, 0):
         u = end / n_steps
         if not _looks_free(arm, solids, cells, safety_m, q_a, slope, bend, u, q, look, room[end], rotation[0], translation[0]):
             return False
-    return _is_free(arm, solids, cells, safety_m, q_a, slope, bend, n_steps, moved, room, rotation[0], translation[0])
+    waiting = np.empty((n_steps + 1, 2), dtype=np.int64)
+    way = q_a, slope, bend, n_steps
+    return _is_free(arm, solids, cells, safety_m, way, moved, room, q, look, waiting, rotation[0], translation[0])
 
 
-@njit(cache=True, nogil=True)
-def _most_moved(arm, turned, body_m):  # type: ignore[no-untyped-def]
-    """(2 B + P,) metres that each body, once against cells and once against the static layer, and each pair may move in a step.
+@leaf
+def _most_moved(arm, turned, body_m, moved):  # type: ignore[no-untyped-def]
+    """Fill ``moved`` (2 B + P,): how far each body, once against cells and once against the static layer, and each pair may move in a step.
 
     ``turned`` (J,) rad in a step; ``body_m`` (B,) what each body's points do not outrun in a step.
     """
     n_bodies, n_pairs = len(arm.moving), len(arm.pairs)
-    moved = np.zeros(2 * n_bodies + n_pairs)
+    moved[:] = 0.0
     for b in range(n_bodies):
         if arm.moving[b]:
             for j in range(len(turned)):
@@ -121,19 +127,20 @@ def _most_moved(arm, turned, body_m):  # type: ignore[no-untyped-def]
             moved[2 * n_bodies + p] += turned[j] * arm.pair_lever_m[p, j]
         apart = moved[arm.pairs[p, 0]] + moved[arm.pairs[p, 1]]
         moved[2 * n_bodies + p] = min(moved[2 * n_bodies + p], apart)
-    return moved
 
 
-@njit(cache=True, nogil=True)
-def _is_free(arm, solids, cells, safety_m, q_a, slope, bend, n_steps, moved, room, rotation, translation):  # type: ignore[no-untyped-def]
+@leaf
+def _is_free(arm, solids, cells, safety_m, way, moved, room, q, look, waiting, rotation, translation):  # type: ignore[no-untyped-def]
     """Whether ``q_a + u slope + u^2 bend`` is free at u = 1 / n_steps, 2 / n_steps, ...; its ends are.
 
-    ``moved``: see :func:`_most_moved`. ``room`` (n_steps + 1, len(moved)): filled at both ends and where it was looked already, else NaN
-    in the first place.
+    Args:
+        way: (q_a, slope, bend, n_steps).
+        moved: see :func:`_most_moved`.
+        room: (n_steps + 1, len(moved)) filled at both ends and where it was looked already, else NaN in the first place.
+        q, look, waiting, rotation, translation: scratch, (J,), (len(moved),), (n_steps + 1, 2) and frames.
     """
-    n_items = len(moved)
-    q, look = np.empty(len(q_a)), np.ones(n_items, dtype=np.bool_)
-    waiting, n_waiting, first = np.empty((n_steps + 1, 2), dtype=np.int64), 0, 0  # fewer than n_steps pieces have something in between
+    q_a, slope, bend, n_steps = way
+    n_items, n_waiting, first = len(moved), 0, 0  # fewer than n_steps pieces have something in between
     if n_steps > 1:
         waiting[0, 0], waiting[0, 1], n_waiting = 0, n_steps, 1
     while first < n_waiting:  # first in, first out: all halves before any quarter
@@ -160,7 +167,7 @@ def _is_free(arm, solids, cells, safety_m, q_a, slope, bend, n_steps, moved, roo
     return True
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _looks_free(arm, solids, cells, safety_m, q_a, slope, bend, u, q, look, room, rotation, translation):  # type: ignore[no-untyped-def]
     """Look at the pose at ``u`` for the items in ``look`` and fill their ``room``; False as soon as one has none."""
     grids, n_bodies = arm.grids, len(arm.moving)

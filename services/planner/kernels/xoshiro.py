@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 from numpy.typing import NDArray
+
+from common.kernel import leaf
 
 __all__ = ["uniform"]
 
 U64 = NDArray[np.uint64]
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _rotated(x, k):  # type: ignore[no-untyped-def]
     return (x << np.uint64(k)) | (x >> np.uint64(64 - k))
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _next(state):  # type: ignore[no-untyped-def]
     result = _rotated(state[1] * np.uint64(5), 7) * np.uint64(9)
     t = state[1] << np.uint64(17)
@@ -29,7 +30,7 @@ def _next(state):  # type: ignore[no-untyped-def]
     return result
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def uniform(state: U64) -> float:
     """The next number in [0, 1), of 53 bits; ``state`` (4,) uint64, not all zero, is advanced."""
     return float((_next(state) >> np.uint64(11)) * (1.0 / 9007199254740992.0))

@@ -8,7 +8,8 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+
+from common.kernel import leaf
 
 __all__ = ["BOX", "CAPSULE", "CYLINDER", "SPHERE", "box_of_corners", "cast_shape", "degrade", "fill_rays", "keep_nearer"]
 
@@ -16,14 +17,14 @@ BOX, SPHERE, CYLINDER, CAPSULE = 0, 1, 2, 3
 PARALLEL = 1e-12  # a direction component below this never reaches the plane
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _first_positive(near, far):  # type: ignore[no-untyped-def]
     if near > 0.0:
         return near
     return far if far > 0.0 else math.inf
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _slab(o, d, half):  # type: ignore[no-untyped-def]
     """Interval of the ray's parameter in which ``|o + t d| <= half`` along one axis (empty: near > far)."""
     if abs(d) < PARALLEL:
@@ -32,7 +33,7 @@ def _slab(o, d, half):  # type: ignore[no-untyped-def]
     return (a, b) if a < b else (b, a)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _box(size, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     ax, bx = _slab(ox, dx, size[0] * 0.5)
     ay, by = _slab(oy, dy, size[1] * 0.5)
@@ -41,7 +42,7 @@ def _box(size, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     return _first_positive(near, far) if near <= far else math.inf
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _sphere(radius, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     a, b = dx * dx + dy * dy + dz * dz, ox * dx + oy * dy + oz * dz
     c = ox * ox + oy * oy + oz * oz - radius * radius
@@ -52,7 +53,7 @@ def _sphere(radius, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     return _first_positive((-b - root) / a, (-b + root) / a)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _cylinder(radius, half, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     """Solid cylinder |z| <= half: the round side and the slab between its caps, intersected as intervals."""
     a, c = dx * dx + dy * dy, ox * ox + oy * oy - radius * radius
@@ -72,7 +73,7 @@ def _cylinder(radius, half, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-
     return _first_positive(near, far) if near <= far else math.inf
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _hit(kind, size, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     if kind == BOX:
         return _box(size, ox, oy, oz, dx, dy, dz)
@@ -85,7 +86,7 @@ def _hit(kind, size, ox, oy, oz, dx, dy, dz):  # type: ignore[no-untyped-def]
     return t
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def cast_shape(kind, size, rotation, origin, directions, row0, row1, column0, column1, depth_m):  # type: ignore[no-untyped-def]
     """Lower ``depth_m`` (H, W) f4 to the first positive hit of the rays in the pixel box with one solid.
 
@@ -108,7 +109,7 @@ def cast_shape(kind, size, rotation, origin, directions, row0, row1, column0, co
             depth_m[v, u] = min(depth_m[v, u], t)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def box_of_corners(rotation, translation, fx, fy, cx, cy, near_m, width, height, corners_m):  # type: ignore[no-untyped-def]
     """Pixel box (row0, row1, column0, column1), ends excluded, of the hull of world points (C, 3); empty when all are behind the camera.
 
@@ -136,7 +137,7 @@ def box_of_corners(rotation, translation, fx, fy, cx, cy, near_m, width, height,
     return int(row0), int(row1), int(column0), int(column1)
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def fill_rays(rotation, origin, directions, row0, row1, column0, column1, rays, start):  # type: ignore[no-untyped-def]
     """Write the rays of a pixel box, moved into another frame, to ``rays[start:]`` (N, 6) f4; returns the index after the last."""
     for v in range(row0, row1):
@@ -149,7 +150,7 @@ def fill_rays(rotation, origin, directions, row0, row1, column0, column1, rays, 
     return start
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def keep_nearer(t_hit, start, row0, row1, column0, column1, depth_m):  # type: ignore[no-untyped-def]
     """Lower ``depth_m`` (H, W) f4 to ``t_hit[start:]`` over a pixel box; returns the index after the last."""
     for v in range(row0, row1):
@@ -159,7 +160,7 @@ def keep_nearer(t_hit, start, row0, row1, column0, column1, depth_m):  # type: i
     return start
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def degrade(depth_m, normals, offset, sigma_per_m2, edge_step, edge_below, min_m, max_m, depth_mm):  # type: ignore[no-untyped-def]
     """True depth into what the sensor says, ``depth_mm`` (H, W) u2, 0 = no return.
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
 
+from common.kernel import kernel, leaf
 from common.robot.kernels import forward_kinematics
 
 __all__ = ["follow"]
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def follow(  # type: ignore[no-untyped-def]
     chain,
     T_joint_tool,
@@ -78,7 +78,7 @@ def follow(  # type: ignore[no-untyped-def]
     return len(q)
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _pull(rotation, translation, T_joint_tool, hand_m, hand_turn, out):  # type: ignore[no-untyped-def]
     """From the tool to the hand: (6,) metres, and radians as a rotation vector, both in the world."""
     turn = rotation[-1] @ np.ascontiguousarray(T_joint_tool[:3, :3])
@@ -95,7 +95,7 @@ def _pull(rotation, translation, T_joint_tool, hand_m, hand_turn, out):  # type:
     out[3], out[4], out[5] = scale * x, scale * y, scale * z
 
 
-@njit(cache=True, nogil=True)
+@kernel
 def _jacobian(chain, rotation, translation, T_joint_tool, out):  # type: ignore[no-untyped-def]
     """Geometric Jacobian (6, J) of the tool frame in the world."""
     tool = translation[-1] + rotation[-1] @ np.ascontiguousarray(T_joint_tool[:3, 3])
@@ -107,7 +107,7 @@ def _jacobian(chain, rotation, translation, T_joint_tool, out):  # type: ignore[
             out[:3, j], out[3:, j] = np.cross(axis, tool - translation[j + 1]), axis
 
 
-@njit(cache=True, nogil=True)
+@leaf
 def _slow_down(wanted, q, dq, step_s, low, high, max_speed, max_acceleration):  # type: ignore[no-untyped-def]
     """Scale ``wanted`` (J,) to the speed limits, then hold each joint to what it can brake from before its position limit."""
     excess = 1.0
@@ -121,7 +121,7 @@ def _slow_down(wanted, q, dq, step_s, low, high, max_speed, max_acceleration):  
         wanted[j] = min(max(wanted[j], -down), up)
 
 
-@njit(cache=True, nogil=True, inline="always")
+@leaf
 def _stoppable(room, acceleration, step_s):  # type: ignore[no-untyped-def]
     """The speed v that steps of constant deceleration still stop within ``room``: v step + v^2 / (2 a) = room."""
     return acceleration * (math.sqrt(step_s * step_s + 2.0 * max(room, 0.0) / acceleration) - step_s)
