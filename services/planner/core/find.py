@@ -165,18 +165,18 @@ class PathFinder:
         n = connect(*self.question(world, counts, q_start, q_goal, search), ends, self.scratch)
         return None if n == NOT_FOUND else self.scratch.path[:n].copy()
 
-    def refined(self, world: World, found: FoundPath, looks: int) -> Pieces:
+    def refined(self, world: World, found: FoundPath, looks: int, room_m: float = 0.0) -> Pieces:
         """A much shorter free path with the same ends: corners cut, then shortcuts drawn by a generator of fixed state.
 
-        Equal paths get equal ones. ``looks``: straight segments that are looked at, at most. The piece that leads out of tolerated cells
-        stays as it is.
+        Equal paths get equal ones. ``looks``: straight segments that are looked at, at most. ``room_m``: shortcuts keep so much more from
+        cells than they must; corners are not cut then. The piece that leads out of tolerated cells stays as it is.
         """
-        c, pieces = self.checker, self.cut_corners(world, found, looks)
+        c, pieces = self.checker, self.cut_corners(world, found, looks) if room_m == 0.0 else Pieces.of(found)
         n = len(pieces.q_rad)
         path, proven = np.empty((n + MORE_POINTS, pieces.q_rad.shape[1])), np.zeros(n + MORE_POINTS, dtype=np.uint8)
         path[:n], proven[: n - 1] = pieces.q_rad, pieces.proven
         first, rng = 0 if found.leaving is None else 1, np.array(REFINE_STATE, dtype=np.uint64)
-        n = refine(c.arm, c.solids, world.cells, c.safety_m, c.step_m, path, proven, n, first, looks, rng)
+        n = refine(c.arm, c.solids, world.cells, c.safety_m + room_m, c.step_m, path, proven, n, first, looks, rng)
         return Pieces(path[:n].copy(), proven[: n - 1].copy(), np.zeros(n - 1, dtype=np.int64))
 
     def cut_corners(self, world: World, found: FoundPath, checks: int) -> Pieces:

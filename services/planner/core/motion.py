@@ -31,6 +31,9 @@ LEADS = (1.1, 1.8)  # lead-in as a multiple of the braking distance along the ve
 SAME_PLACE_RAD = 1e-6
 ROUTES = 5  # paths a question is given until one stands the exact look; our choice: nearly all stand at once
 LONGER = 1.1  # times the first motion's duration, that a refined one may take; our choice
+# Room that shortcuts keep beyond the safety distance, one after the other until a motion is better. Measured on 177 answers (task): without
+# room 41 % are, 51 % are shorter but too slow; with the second 58 %.
+REFINE_ROOMS_M = (0.0, 0.02)
 BLEND_SHARES = (1.0, 0.3)  # of the room between corners, that their rounding may use; less where a hand needs room; our choice
 
 
@@ -81,6 +84,11 @@ class Motion:
     def length_rad(self) -> float:
         """Joint length of the curve, knot to knot."""
         return path_length(self.curve.q_rad)
+
+
+def _is_better(motion: Motion, than: Motion) -> bool:
+    """Whether a motion is shorter than another and not much slower."""
+    return motion.length_rad < than.length_rad and motion.curve.duration_s <= LONGER * than.curve.duration_s
 
 
 @dataclass(frozen=True)
@@ -151,21 +159,22 @@ class MotionPlanner:
     def refined(self, world: World, ask: Ask, motion: Motion, watch: Stopwatch) -> Motion:
         """The same motion from rest along a shorter path; ``motion`` itself where none is free, or none that is not much slower.
 
-        It takes some milliseconds, bounded by ``refine_looks``; what is sent at once to dodge is not refined first. Stage of ``watch``:
-        refine.
+        What is shortest passes close by what is seen, and slowly: where that is too slow, shortcuts that keep more room are tried. It takes
+        some milliseconds, bounded by ``refine_looks``; what is sent at once to dodge is not refined first. Stage of ``watch``: refine.
         """
         at_rest = ask.velocity_start is None or float(np.abs(ask.velocity_start).max()) < AT_REST_RAD_S
         if not (at_rest and ask.smooth and ask.rules == "checked" and self._refine_looks > 0 and len(motion.path.q_rad) > 2):
             return motion
-        began, stages = watch.clock_ns(), Stopwatch(watch.clock_ns)
-        pieces = self.finder.refined(world, motion.path, self._refine_looks).without_repeats(SAME_PLACE_RAD)
-        better = self._rounded(world, ask, motion.path, pieces, None, self._limits.scaled(ask.speed_scale, 1.0), stages)
+        began, limits = watch.clock_ns(), self._limits.scaled(ask.speed_scale, 1.0)
+        refined = motion
+        for room_m in REFINE_ROOMS_M:
+            pieces = self.finder.refined(world, motion.path, self._refine_looks, room_m).without_repeats(SAME_PLACE_RAD)
+            better = self._rounded(world, ask, motion.path, pieces, None, limits, Stopwatch(watch.clock_ns))
+            if isinstance(better, Motion) and not better.fell_back and _is_better(better, motion):
+                refined = replace(better, smoothing=f"{better.smoothing}, refined", refined=True)
+                break
         watch.add("refine", began)
-        if not isinstance(better, Motion) or better.fell_back or better.length_rad >= motion.length_rad:
-            return motion
-        if better.curve.duration_s > LONGER * motion.curve.duration_s:  # nearer to what is seen, so slower
-            return motion
-        return replace(better, smoothing=f"{better.smoothing}, refined", refined=True)
+        return refined
 
     def _lead_in(self, velocity: F64, factor: float) -> F64:
         """The way (J,) along ``velocity`` in which the arm could just stop, times ``factor``.

@@ -15,9 +15,13 @@ from services.planner.core.found import FoundPath, path_length
 from services.planner.core.lookup import BlockedCounts, LookupTable
 from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.roadmap import Roadmap
+from services.planner.core.separation import Separation
 from services.planner.core.timing import Limits
 from services.planner.core.world import World
+from services.planner.kernels.reach import reach_of
 from services.planner.kernels.refine import refine
+from services.planner.kernels.separation import SpeedLaw
+from services.planner.kernels.way import line_is_free
 from services.planner.kernels.xoshiro import uniform
 from services.planner.offline.regions import box_cells
 from tests.support.slow_refine import slow_refine
@@ -82,12 +86,49 @@ def test_a_straight_path_costs_no_look(bench, world):
     np.testing.assert_array_equal(_refined(bench, world, path, 0, 50)[0], path)
 
 
-def _planner(bench, looks):
+def test_shortcuts_keep_the_room_that_is_asked_for(bench, world):
+    path, room_m = _detour(bench, world), 0.03
+    found, finder = FoundPath(np.full(7, -1, dtype=np.int32), path), _planner(bench, 200).finder
+    wide = finder.refined(world, found, 200, room_m)
+    assert wide.proven.any() and path_length(wide.q_rad) < path_length(path)
+    c = bench.checker
+    is_free = [
+        line_is_free(c.arm, c.solids, world.cells, c.safety_m + room_m, c.step_m, a, b)
+        for (a, b), proven in zip(itertools.pairwise(wide.q_rad), wide.proven, strict=True)
+        if proven
+    ]
+    assert all(is_free)
+    assert path_length(finder.refined(world, found, 200).q_rad) < path_length(wide.q_rad), "which costs some length"
+
+
+def _slowed(bench):
+    """A law under which to pass close by takes much longer."""
+    law = SpeedLaw(0.0, 0.1, 2.0, 0.1)
+    return Separation(bench.checker.arm, reach_of(bench.checker.arm.grids, 0.15), law, law)
+
+
+def test_what_is_shorter_but_much_slower_gives_way_to_shortcuts_with_more_room(bench, world):
+    path = _detour(bench, world)
+    found, ask, watch = FoundPath(np.full(7, -1, dtype=np.int32), path), Ask(HERE, THERE), Stopwatch(time.perf_counter_ns)
+    planner = _planner(bench, 200, _slowed(bench))
+    first = planner.along(world, ask, found, watch)
+    assert first is not None
+    shortest = planner.finder.refined(world, found, 200).q_rad
+    tight = planner.along(world, ask, FoundPath(np.full(len(shortest) - 2, -1, dtype=np.int32), shortest), watch)
+    refined = planner.refined(world, ask, first, watch)
+    assert tight is not None and tight.curve.duration_s > 1.1 * first.curve.duration_s, "or this shows nothing"
+    assert refined.refined and tight.length_rad < refined.length_rad < first.length_rad
+    assert refined.curve.duration_s <= 1.1 * first.curve.duration_s
+
+
+def _planner(bench, looks, separation=None):
     learned = CognitiveMap(np.array([HERE, THERE]), np.array([[0, 1]], dtype=np.int32))
     rows = (np.zeros((1, bench.grid.n_cells + 1), dtype=np.int64), np.empty(0, dtype=np.uint16))
     roadmap = Roadmap.of(learned, LookupTable(*rows, *rows, np.empty(0, dtype=np.int32)), "gng")
     hand, limits = HandReach(0.25, 0.15, np.full(6, 5.0)), Limits(np.full(6, 2.0), np.full(6, 5.0))
-    return MotionPlanner(PathFinder(roadmap, bench.checker), limits, hand, RANGE, shortcut_checks=0, refine_looks=looks)
+    return MotionPlanner(
+        PathFinder(roadmap, bench.checker), limits, hand, RANGE, shortcut_checks=0, refine_looks=looks, separation=separation
+    )
 
 
 def test_a_refined_motion_is_quicker_free_the_same_twice_and_says_so(bench, world):
