@@ -19,6 +19,7 @@ from services.planner.offline.config import (
 )
 
 __all__ = [
+    "MOST_SEARCHES",
     "ClearanceConfig",
     "FallbackConfig",
     "LearningConfig",
@@ -135,12 +136,17 @@ class RepairConfig(Strict, frozen=True):
     connections: Annotated[int, Meta(ge=1, le=1_000)] = 64  # nearest neurons that start and goal may join; our choice
 
 
+MOST_SEARCHES = 16  # a bound against slips; our choice
+
+
 class FallbackConfig(Strict, frozen=True):
     """Bounds of the search in the whole joint space, in a process of its own."""
 
     # Samples; 7 to 11 s where there is no way. Measured: of 28 hard questions, 3 generators each, 0.96 were solved
     # within them, half in 0.05 s; two that were not were open after 400 000 too.
     iterations: Annotated[int, Meta(ge=1, le=10_000_000)] = 90_000
+    # Side by side, with so many samples each, and each on a core of its own while no one else wants it. Two: as a small laptop has.
+    searches: Annotated[int, Meta(ge=1, le=MOST_SEARCHES)] = 2
 
 
 class LearningConfig(Strict, frozen=True):

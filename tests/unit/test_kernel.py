@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import ast
 import importlib
 import pkgutil
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,6 +16,7 @@ from numba.core.errors import NumbaError
 import common
 import services
 from common.kernel import copy_row, kernel, leaf
+from tests.support.repository import ROOT
 
 # Kernels that leaves call. Each of them returns numbers: look before another one is added.
 LENT_TO_LEAVES = {"line_between_is_free", "nearest_free", "both_ends", "_insert", "_joins", "_fit_box", "_cube_meets_cylinder"}
@@ -45,6 +48,25 @@ def test_leaves_call_only_leaves_and_kernels_that_return_no_array():
         for called in _called(dispatcher):
             says_it_counts = called.targetoptions.get("_nrt") is True
             assert _is_leaf(called) or (says_it_counts and called.__name__ in LENT_TO_LEAVES), f"{dispatcher.__name__}: {called.__name__}"
+
+
+# Of numbers, not of arrays. Whether a function that creates an array (``a.sort()`` does) compiles in a leaf depends on what was compiled before.
+OF_NUMBERS = {"np.exp", "np.float32", "np.floor", "np.int64", "np.isnan", "np.rint", "np.sqrt", "np.uint16", "np.uint64", "np.uint8"}
+
+
+def _methods_called(source: Path) -> dict[str, set[str]]:
+    """Of each leaf in a file what it calls by a dotted name, but for ``math``."""
+    tree = ast.parse(source.read_text(encoding="utf-8"))
+    leaves = [n for n in tree.body if isinstance(n, ast.FunctionDef) and "leaf" in [ast.unparse(d) for d in n.decorator_list]]
+    calls = {n.name: [c.func for c in ast.walk(n) if isinstance(c, ast.Call) and isinstance(c.func, ast.Attribute)] for n in leaves}
+    return {name: {ast.unparse(f) for f in called if ast.unparse(f.value) != "math"} for name, called in calls.items()}
+
+
+def test_leaves_call_nothing_that_may_create_an_array():
+    found = [_methods_called(source) for package in ("common", "services") for source in sorted((ROOT / package).rglob("*.py"))]
+    called = {name: methods for of_file in found for name, methods in of_file.items()}
+    assert len(called) > 100
+    assert {name: methods - OF_NUMBERS for name, methods in called.items() if methods - OF_NUMBERS} == {}
 
 
 def test_every_kernel_says_whether_it_counts():

@@ -190,5 +190,7 @@ class PathFinder:
         first = 0 if found.leaving is None else 1
         n = cut_corners(c.arm, c.solids, world.cells, c.safety_m, c.step_m, path, first, checks, kept, proven)
         pieces = Pieces(path[kept[:n]], proven[: n - 1], kept[: n - 1])
-        joined = (pieces.origin == 0) | (pieces.origin == len(path) - 2)  # the search looked at its connections itself
-        return replace(pieces, proven=(pieces.proven | joined).astype(np.uint8))
+        # The search looked at its connections itself, repair and fallback at all of it, more closely than here: to look once more in other
+        # places would only find what lies a hair within the safety distance, in the narrow places that they are for.
+        looked_at = (pieces.origin == 0) | (pieces.origin == len(path) - 2) | (found.way != "map")
+        return replace(pieces, proven=(pieces.proven | looked_at).astype(np.uint8))

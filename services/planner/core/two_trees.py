@@ -126,7 +126,7 @@ def _trees(n_neurons: int, n_edges: int, n_joints: int, n_goals: int, n_rooms: i
     in_heap = bounds.connections * n_goals + 2 * n_edges + n_neurons + 1
     return kernel.Trees(
         q_rad=np.empty((2, room, n_joints)),
-        column_rad=np.empty((2, n_joints, room)),
+        column_rad=np.empty((2, n_joints, room), dtype=np.float32),
         parent=np.empty((2, room), dtype=np.int32),
         neuron=np.empty((2, room), dtype=np.int32),
         n_nodes=np.zeros(2, dtype=np.int64),
@@ -143,5 +143,5 @@ def _trees(n_neurons: int, n_edges: int, n_joints: int, n_goals: int, n_rooms: i
         room_m=np.empty((2, room, n_rooms)),
         scratch_rad=np.empty((3, n_joints)),
         scratch_room_m=np.empty(n_rooms),
-        scratch_d2=np.empty(kernel.CHUNK),
+        scratch_d2=np.empty(kernel.CHUNK, dtype=np.float32),
     )

@@ -33,29 +33,31 @@ TRIES = 3  # paths of each way until a curve along one is free; our choice: near
 
 @dataclass(frozen=True)
 class ThinkingRules:
-    """Which ways there are besides the map, and their bounds in samples."""
+    """Which ways there are besides the map, their bounds in samples, and how many searches the fallback makes side by side."""
 
     ways: Sequence[Way]
     repair: Bounds
     fallback_iterations: int
+    fallback_searches: int = 1
 
     @staticmethod
     def of(config: PlannerConfig) -> ThinkingRules:
         """As configured."""
         repair = config.repair
         bounds = Bounds(repair.iterations, repair.slice_iterations, connections=repair.connections)
-        return ThinkingRules(config.ways, bounds, config.fallback.iterations)
+        return ThinkingRules(config.ways, bounds, config.fallback.iterations, config.fallback.searches)
 
 
 @dataclass(frozen=True, eq=False)
 class SamplingQuestion:
-    """For the fallback: start (J,) and goals (G, J) rad, cells (C,), the generator's state (4,), samples at most."""
+    """For the fallback: start (J,) and goals (G, J) rad, cells (C,), the generator's state (4,), samples at most of each search."""
 
     q_start_rad: F64
     q_goals_rad: F64
     cells: I32
     seed: U64
     max_iterations: int
+    n_searches: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,7 +184,8 @@ class Thinking:
         self._is_asked = True
         tries = self._tries if self.way == "fallback" else 0
         seed = seed_of(self._seed, np.array([tries]))  # other samples than those of repair, and others each time
-        self.wanted = SamplingQuestion(self._ask.q_start, self._q_goals, self.world.counts.cells, seed, self._rules.fallback_iterations)
+        bounds = self._rules.fallback_iterations, self._rules.fallback_searches
+        self.wanted = SamplingQuestion(self._ask.q_start, self._q_goals, self.world.counts.cells, seed, *bounds)
 
     def _nothing(self) -> NotFound:
         return NotFound("no_path", "; ".join(self._why))

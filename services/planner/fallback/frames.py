@@ -43,9 +43,9 @@ class Held(msgspec.Struct, frozen=True):
 
 
 class Asked(_Frame, frozen=True, tag=True):
-    """A question: start (J,) and goals (G, J) in rad, occupied cells as little-endian int32, state of the generator, samples at most.
+    """A question: start (J,) and goals (G, J) in rad, occupied cells as little-endian int32, state of the generator.
 
-    ``held``: what the gripper holds.
+    ``max_iterations``: samples at most of each of ``n_searches`` searches. ``held``: what the gripper holds.
     """
 
     id: int
@@ -54,6 +54,7 @@ class Asked(_Frame, frozen=True, tag=True):
     cells: bytes
     seed: list[int]
     max_iterations: int
+    n_searches: int = 1
     held: Held | None = None
 
 

@@ -253,5 +253,6 @@ def _asked(number: int, question: SamplingQuestion, held: Payload | None) -> Ask
         np.ascontiguousarray(question.cells, dtype="<i4").tobytes(),
         [int(part) for part in seed],
         question.max_iterations,
+        question.n_searches,
         None if held is None else Held(held.size_m, held.position_m, held.quaternion_xyzw),
     )

@@ -115,7 +115,7 @@ def _blocks_along(box, axis):  # type: ignore[no-untyped-def]
     return first, min(shape[axis] - 1, math.floor((middle + half - origin_m[axis]) / block_m - 0.5))
 
 
-@leaf
+@kernel
 def _close_row(n_bands, mark, seen, out, n_from, n_to):  # type: ignore[no-untyped-def]
     """Turn the blocks ``out[n_from:n_to]`` into entries, ascending."""
     for i in range(n_from, n_to):

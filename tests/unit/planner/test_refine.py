@@ -101,6 +101,15 @@ def test_shortcuts_keep_the_room_that_is_asked_for(bench, world):
     assert path_length(finder.refined(world, found, 200).q_rad) < path_length(wide.q_rad), "which costs some length"
 
 
+def test_what_repair_and_fallback_found_is_not_looked_at_again(bench, world):
+    path, finder = _detour(bench, world), _planner(bench, 0).finder
+    by_map, by_fallback = (
+        finder.cut_corners(world, FoundPath(np.full(7, -1, dtype=np.int32), path, way=way), 0) for way in ("map", "fallback")
+    )
+    assert by_map.proven.tolist() == [1, 0, 0, 0, 0, 0, 0, 1], "the map's connections were"
+    assert by_fallback.proven.all()
+
+
 def _slowed(bench):
     """A law under which to pass close by takes much longer."""
     law = SpeedLaw(0.0, 0.1, 2.0, 0.1)
