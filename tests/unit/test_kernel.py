@@ -50,7 +50,7 @@ def test_leaves_call_only_leaves_and_kernels_that_return_no_array():
             assert _is_leaf(called) or (says_it_counts and called.__name__ in LENT_TO_LEAVES), f"{dispatcher.__name__}: {called.__name__}"
 
 
-# Of numbers, not of arrays. Whether a function that creates an array (``a.sort()`` does) compiles in a leaf depends on what was compiled before.
+# Of numbers, not of arrays. Whether what creates an array (`a.sort()` does) compiles in a leaf depends on what was compiled before.
 OF_NUMBERS = {"np.exp", "np.float32", "np.floor", "np.int64", "np.isnan", "np.rint", "np.sqrt", "np.uint16", "np.uint64", "np.uint8"}
 
 
