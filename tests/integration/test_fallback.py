@@ -32,7 +32,7 @@ NOWHERE = np.array([0.0, -1.2, 1.3, -1.6, -1.57, 0.0])
 BOX = Payload((0.05, 0.05, 0.10), (0.0, 0.0, 0.05))
 SEED = np.arange(1, 5, dtype=np.uint64)
 NONE = np.empty(0, dtype=np.int32)
-EASY = SamplingQuestion(HERE, THERE[None], NONE, SEED, 2_000)
+EASY = SamplingQuestion(HERE, THERE[None], NONE, SEED, 2_000, n_searches=2)
 # From a pose that the check does not allow nothing grows: all samples are used up.
 ENDLESS = SamplingQuestion(HERE, np.array([[0.0, 0.6, 0.3, 0.0, 0.0, 0.0]]), NONE, SEED, 10_000_000)
 
