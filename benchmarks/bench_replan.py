@@ -3,16 +3,14 @@
 connect_search_ms: changed cells -> path joined to the true start and goal. answer_ms: -> smoothed, timed, checked, ready to send.
 refined_ms: -> the second, shorter answer, refine_ms after the first. All are of what the map alone solved, as are n_solved and
 solved_share; all_ways adds repair and fallback. Each question starts from an empty world. Solvable means: RRTConnect solves it in 5 s under
-the same inflation. The first hundred questions are put to two more processes, which must give the same bytes.
+the same inflation. The first hundred questions are put to two more processes, which must give the same bytes; of those that stay open only
+two, since each takes the fallback to its bound.
 """
 
 from __future__ import annotations
 
 import argparse
-import hashlib
 import json
-import subprocess
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -21,13 +19,13 @@ import numpy as np
 from rich.progress import track
 
 from benchmarks.answers import Answer, Answerer, fallback_of, percentiles
+from benchmarks.equal_answers import are_equal_elsewhere, to_repeat
 from benchmarks.provenance import provenance
 from benchmarks.questions import SETS, Question, questions
 from benchmarks.referee import Referee, at_steps
 from benchmarks.solvable import are_solvable
 from common.cell import load
 from common.config import plain
-from common.errors import TolmanError
 from services.planner.assemble import assemble
 from services.planner.config import PlannerConfig
 from services.planner.core.motion import Motion
@@ -37,7 +35,6 @@ __all__ = ["add_arguments", "run"]
 
 
 WITHIN_S = (1.0, 5.0)  # issue
-N_EQUAL = 100  # answers that are made three times, each time by a process of its own; issue
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -48,7 +45,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", type=Path, default=None, metavar="FILE")
     parser.add_argument("--config", type=Path, default=None, metavar="FILE", help="cell config; default: the UR3 cell")
     parser.add_argument("--override", action="append", default=[], metavar="KEY=VALUE", help="as --set elsewhere: planner.search=astar")
-    parser.add_argument("--once", action="store_true", help="only print the digest of the answers (what the three processes do)")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -56,14 +52,10 @@ def run(args: argparse.Namespace) -> int:
     cell, config = load(args.config, "planner", PlannerConfig, args.override)
     parts = assemble(cell, config)
     rehearse(parts, time.monotonic_ns)
-    asked = list(track(questions(parts, args.name, args.n, args.seed), "questions", total=args.n, transient=True, disable=args.once))
+    asked = list(track(questions(parts, args.name, args.n, args.seed), "questions", total=args.n, transient=True))
     with fallback_of(parts) as sampler:
         answerer = Answerer(parts, sampler)
-        answers = [answerer.answer(question) for question in _shown(asked, "answers", hide=args.once)]
-    digest = _digest(answers[:N_EQUAL])
-    if args.once:
-        print(digest)
-        return 0
+        answers = [answerer.answer(question) for question in _shown(asked, "answers")]
     open_ones = [question for question, answer in zip(asked, answers, strict=True) if answer.way is None]  # what we solved needs no proof
     proofs = are_solvable(args.config, args.override, open_ones)
     n_solvable = len(asked) - len(open_ones) + sum(track(proofs, "solvable?", total=len(open_ones), transient=True))
@@ -74,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
             if isinstance(motion, Motion):
                 collisions += referee.collides(at_steps(_dense(motion)), question.boxes_m)
     figures = _figures(answers, n_solvable, collisions)
-    figures["equal_answers_in_3_processes"] = _digests_elsewhere(args) == {digest}
+    figures["equal_answers_in_3_processes"] = are_equal_elsewhere(args.config, args.override, *to_repeat(asked, answers))
     report = {**provenance(args.seed, plain(config)), "set": args.name, "n": args.n, **figures}
     print(json.dumps(figures, indent=2))
     if args.json is not None:
@@ -82,8 +74,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _shown(asked: list[Question], what: str, *, hide: bool = False) -> Any:
-    return track(asked, what, transient=True, disable=hide)
+def _shown(asked: list[Question], what: str) -> Any:
+    return track(asked, what, transient=True)
 
 
 def _dense(motion: Motion) -> Any:
@@ -128,34 +120,3 @@ def _all_ways(answers: list[Answer], n_solvable: int) -> dict[str, Any]:
     unsolved = [answer.ms["answer"] for answer in answers if answer.way is None]
     figures["unsolved"] = {"n": len(unsolved), **({"ms": percentiles(unsolved)} if unsolved else {})}
     return figures
-
-
-def _digest(answers: list[Answer]) -> str:
-    digest = hashlib.sha256()
-    for motion in (motion for answer in answers for motion in (answer.motion, answer.refined)):
-        if motion is None:
-            continue
-        if isinstance(motion, Motion):
-            digest.update(motion.path.way.encode())
-            for array in (motion.path.neurons, motion.path.q_rad, motion.curve.t_s, motion.curve.q_rad, motion.curve.dq_rad_s):
-                digest.update(np.ascontiguousarray(array).tobytes())
-        else:
-            digest.update(motion.outcome.encode())
-    return digest.hexdigest()
-
-
-def _digests_elsewhere(args: argparse.Namespace) -> set[str]:
-    """The digests that two processes of their own get for the same questions."""
-    command = [sys.executable, "-m", "clients.cli.main", "bench", "replan", "--once", "--set", args.name, "--n", str(min(args.n, N_EQUAL))]
-    command += ["--seed", str(args.seed), *(["--config", str(args.config)] if args.config else [])]
-    command += [part for override in args.override for part in ("--override", override)]
-    others = [subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) for _ in range(2)]
-    digests = set()
-    for other in others:
-        printed, said = other.communicate()
-        if other.returncode != 0:
-            raise TolmanError(
-                f"the same questions in another process: it ended with {other.returncode}: {said.strip()}", code="bench_failed"
-            )
-        digests.add(printed.strip().splitlines()[-1])
-    return digests
