@@ -11,7 +11,13 @@ from benchmarks.paper.canvas import COLOURS, new_drawing, plain_log, plots, styl
 __all__ = ["draw"]
 
 Row = dict[str, Any]
-STAGES = {"motions": COLOURS["som"], "map": COLOURS["gng"], "prune": COLOURS["ompl_rrt"], "table": COLOURS["gamma_som"]}
+STAGES = {
+    "motions": COLOURS["som"],
+    "map": COLOURS["gng"],
+    "prune": COLOURS["ompl_rrt"],
+    "table": COLOURS["gamma_som"],
+    "practice": COLOURS["checked"],
+}
 USUAL_NEURONS, USUAL_CELL_M = 10_000, 0.02
 # The bounds for 100 000 neurons.
 BUILD_S, TABLE_BYTES, REPLAN_MS = 1200.0, 1.5e9, 3.0
