@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from common.kernel import leaf
-from common.robot.kernels import body_grid, look_near, to_joint_frame
+from common.robot.kernels import body_grid, look_close, look_near, to_joint_frame
 
 __all__ = ["cover_distance", "pair_distance", "to_parts", "to_world"]
 
@@ -52,7 +52,8 @@ def pair_distance(grids, a, b, rotation, translation, fine_m):  # type: ignore[n
         for s in range(first[g], first[g + 1]):
             x, y, z = to_world(turn_a, shift_a, spheres, s)
             x, y, z = to_joint_frame(turn_b, shift_b, x, y, z)
-            best = min(best, look_near(distance, grid, x, y, z) - spheres[s, 3])
+            reach = fine_m + spheres[s, 3]
+            best = min(best, look_close(distance, grid, x, y, z, -1.0, reach) - spheres[s, 3])
     return best
 
 

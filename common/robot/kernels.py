@@ -22,6 +22,7 @@ __all__ = [
     "body_grid",
     "forward_kinematics",
     "forward_kinematics_batch",
+    "look_close",
     "look_near",
     "look_up",
     "to_joint_frame",
@@ -35,6 +36,8 @@ I16 = NDArray[np.int16]
 # half the diagonal of a 4 cm cell, and than the largest cover sphere plus 1.5 cm.
 FAR = 0.06
 TENTH_MM = 1e-4  # unit of the stored distances
+OUT_M = 0.012  # how much farther out :func:`look_close` looks; measured: 0.01 to 0.02 are as good
+SLACK_M = 1e-4  # measured: two of libigl's distances differ by up to 0.06 mm more than their points are apart
 HALF_DIAGONAL = math.sqrt(3.0) / 2.0  # of a voxel, in its edges
 
 
@@ -161,6 +164,43 @@ def look_near(distance, grid, x, y, z):  # type: ignore[no-untyped-def]
     dx, dy, dz = fx - ix - 0.5, fy - iy - 0.5, fz - iz - 0.5
     bound = distance[grid[0] + (ix * grid[5] + iy) * grid[6] + iz] * TENTH_MM
     return bound + (HALF_DIAGONAL - math.sqrt(dx * dx + dy * dy + dz * dz)) / grid[7]
+
+
+@leaf
+def look_close(distance, grid, x, y, z, low_m, high_m):  # type: ignore[no-untyped-def]
+    """:func:`look_near`, closer still where that leaves open whether the distance is below ``low_m`` or above ``high_m``.
+
+    A distance changes by at most the way gone, so the centre of any voxel bounds it: by its own distance less the way to it. From one that
+    lies ``OUT_M`` farther out, straight away from the body, that is exact but for how far it lies beside the straight way, squared.
+    Measured on the bodies of a UR3, voxels of 5 mm, up to 3.5 cm from them: 0.3 mm below the truth on average, :func:`look_near` 2.4.
+    """
+    fx, fy, fz = (x - grid[1]) * grid[7], (y - grid[2]) * grid[7], (z - grid[3]) * grid[7]
+    if not (0.0 <= fx < grid[4] and 0.0 <= fy < grid[5] and 0.0 <= fz < grid[6]):
+        return FAR
+    ix, iy, iz = int(fx), int(fy), int(fz)
+    side_x, side_y = grid[5] * grid[6], grid[6]
+    at = grid[0] + ix * side_x + iy * side_y + iz
+    dx, dy, dz = fx - ix - 0.5, fy - iy - 0.5, fz - iz - 0.5
+    off = math.sqrt(dx * dx + dy * dy + dz * dz)
+    bound = distance[at] * TENTH_MM + (HALF_DIAGONAL - off) / grid[7]
+    if bound > high_m or bound + 2.0 * off / grid[7] + SLACK_M < low_m:
+        return bound
+    if not (0 < ix < grid[4] - 1 and 0 < iy < grid[5] - 1 and 0 < iz < grid[6] - 1):
+        return bound
+    gx = float(distance[at + side_x]) - float(distance[at - side_x])
+    gy = float(distance[at + side_y]) - float(distance[at - side_y])
+    gz = float(distance[at + 1]) - float(distance[at - 1])
+    slope = math.sqrt(gx * gx + gy * gy + gz * gz)
+    if slope == 0.0:
+        return bound
+    step = OUT_M * grid[7] / slope
+    ox, oy, oz = fx + step * gx, fy + step * gy, fz + step * gz
+    if not (0.0 <= ox < grid[4] and 0.0 <= oy < grid[5] and 0.0 <= oz < grid[6]):
+        return bound
+    ix, iy, iz = int(ox), int(oy), int(oz)
+    dx, dy, dz = ix + 0.5 - fx, iy + 0.5 - fy, iz + 0.5 - fz
+    off = math.sqrt(dx * dx + dy * dy + dz * dz)
+    return max(bound, distance[grid[0] + ix * side_x + iy * side_y + iz] * TENTH_MM - SLACK_M + (HALF_DIAGONAL - off) / grid[7])
 
 
 @leaf

@@ -34,7 +34,7 @@ __all__ = ["RobotModel", "cache_dir", "chain_of", "load_robot"]
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
 Geometry = tuple[BodyGrids, I64, F64, PairTables]
-CACHE_VERSION = 4  # raise when the meaning of a cached array changes
+CACHE_VERSION = 5  # raise when the meaning of a cached array changes
 
 
 @dataclass(frozen=True, eq=False)

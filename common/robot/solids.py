@@ -19,7 +19,7 @@ from scipy.spatial.distance import cdist
 
 from common.cell import SolidConfig
 from common.geometry.transforms import rpy_matrix
-from common.robot.kernels import FAR, TENTH_MM, BodyGrids
+from common.robot.kernels import FAR, SLACK_M, TENTH_MM, BodyGrids
 
 __all__ = ["GRID_REACH_M", "Body", "box_mesh", "build_grids", "cylinder_mesh", "mesh_of_solid", "sphere_mesh"]
 
@@ -28,7 +28,6 @@ I32 = NDArray[np.int32]
 
 COVER_VOXEL_M = 0.005  # of the grids that spheres are chosen in: finer ones find the way into hollow meshes; our choice
 NEAR_M = 0.025  # finer grids are exact so far from the surface: a 2 cm cell's half diagonal and more; our choice
-IGL_SLACK_M = 1e-4  # measured: two of libigl's distances differ by up to 0.06 mm more than their points are apart
 BLOCK_VOXELS = 4  # along an edge, of the blocks by which they know what is farther; our choice
 GRID_REACH_M = FAR + 0.005  # what lies beyond the grid is farther than FAR even after rounding down
 SPHERE_OVERSHOOT_M = 0.008  # how far a cover sphere may stick out of the body; our choice
@@ -205,7 +204,7 @@ def _near_distances(body: Body, voxel_m: float) -> tuple[F64, F64]:
     within = (np.argwhere(np.ones((BLOCK_VOXELS,) * 3, dtype=bool)) - (BLOCK_VOXELS - 1) / 2.0) * voxel_m
     away = np.linalg.norm(within, axis=1)
     middle = _signed(body, middles)
-    signed = middle[:, None] - away - IGL_SLACK_M  # a signed distance changes by at most the way gone
+    signed = middle[:, None] - away - SLACK_M  # a signed distance changes by at most the way gone
     near = np.abs(middle) < NEAR_M + away.max()
     signed[near] = _signed(body, (middles[near, None] + within).reshape(-1, 3)).reshape(-1, len(within))
     by_axis = signed.reshape(*blocks, BLOCK_VOXELS, BLOCK_VOXELS, BLOCK_VOXELS).transpose(0, 3, 1, 4, 2, 5)

@@ -144,9 +144,9 @@ MOST_SEARCHES = 16  # a bound against slips; our choice
 class FallbackConfig(Strict, frozen=True):
     """Bounds of the search in the whole joint space, in a process of its own."""
 
-    # Samples of each search; 4 to 8 s where there is no way. Measured, of one search: of 28 hard questions, 3 generators each, 0.96
-    # were solved within them, half in 0.05 s; two that were not were open after 400 000 too.
-    iterations: Annotated[int, Meta(ge=1, le=10_000_000)] = 90_000
+    # Samples of each search; 5 to 8 s where there is no way. Measured, of one search, 10 generators each: the narrowest of 462 questions
+    # needs 11 000 to 81 000, the next ones 5 000 to 34 000.
+    iterations: Annotated[int, Meta(ge=1, le=10_000_000)] = 120_000
     # Side by side, with so many samples each, and each on a core of its own while no one else wants it. Two: as a small laptop has.
     searches: Annotated[int, Meta(ge=1, le=MOST_SEARCHES)] = 2
 

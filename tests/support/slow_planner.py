@@ -6,17 +6,17 @@ import heapq
 
 import numpy as np
 
-from common.robot.kernels import BodyGrids, body_distance
+from common.robot.kernels import FAR, OUT_M, SLACK_M, TENTH_MM, BodyGrids
 from services.planner.kernels.collision import Arm
 
-__all__ = ["slow_counts", "slow_dijkstra", "slow_exposed", "slow_near", "slow_pose_cells", "slow_touches"]
+__all__ = ["slow_close", "slow_counts", "slow_dijkstra", "slow_exposed", "slow_pose_cells", "slow_touches"]
 
 
 def slow_touches(arm: Arm, b: int, frame: np.ndarray, centre: np.ndarray, half: float, safety: float) -> bool:
     """The rule in words: the cube is near if its ball surely is; if its ball may be, ask its eight octants, and theirs of those."""
 
     def distance(world: np.ndarray) -> float:
-        return slow_near(arm.grids, b, frame[:3, :3].T @ (world - frame[:3, 3]))
+        return slow_close(arm.grids, b, frame[:3, :3].T @ (world - frame[:3, 3]))
 
     def touches(middle: np.ndarray, half: float, depth: int) -> bool:
         here = distance(middle)
@@ -30,14 +30,28 @@ def slow_touches(arm: Arm, b: int, frame: np.ndarray, centre: np.ndarray, half: 
     return touches(centre, half, 2)
 
 
-def slow_near(grids: BodyGrids, b: int, point: np.ndarray) -> float:
-    """A voxel's stored bound, less the half diagonal that it was lowered by, plus the way from the voxel's centre."""
-    lowered = body_distance(grids, b, *point)
-    voxel = np.floor((point - grids.origin_m[b]) / grids.spacing_m)
+def slow_close(grids: BodyGrids, b: int, point: np.ndarray) -> float:
+    """The larger of two bounds: of the voxel that the point is in, and of the one ``OUT_M`` farther out, up the slope of the distances."""
+    voxel = np.floor((point - grids.origin_m[b]) / grids.spacing_m).astype(int)
     if np.any(voxel < 0) or np.any(voxel >= grids.shape[b]):
-        return lowered
-    centre = grids.origin_m[b] + (voxel + 0.5) * grids.spacing_m
-    return lowered + grids.spacing_m * np.sqrt(3.0) / 2.0 - float(np.linalg.norm(point - centre))
+        return FAR
+    table = grids.distance[grids.offset[b] : grids.offset[b + 1]].reshape(grids.shape[b]).astype(float)
+
+    def bound(voxel: np.ndarray) -> float:
+        """A voxel's stored bound, less the half diagonal that it was lowered by, less the way to the voxel's centre."""
+        centre = grids.origin_m[b] + (voxel + 0.5) * grids.spacing_m
+        return float(table[tuple(voxel)] * TENTH_MM + grids.spacing_m * np.sqrt(3.0) / 2.0 - np.linalg.norm(point - centre))
+
+    here = bound(voxel)
+    if np.any(voxel == 0) or np.any(voxel == grids.shape[b] - 1):
+        return here
+    slope = np.array([table[tuple(voxel + step)] - table[tuple(voxel - step)] for step in np.eye(3, dtype=int)])
+    if not slope.any():
+        return here
+    out = np.floor((point - grids.origin_m[b] + OUT_M * slope / np.linalg.norm(slope)) / grids.spacing_m).astype(int)
+    if np.any(out < 0) or np.any(out >= grids.shape[b]):
+        return here
+    return max(here, bound(out) - SLACK_M)
 
 
 def slow_pose_cells(arm: Arm, frames: np.ndarray, centres: np.ndarray, half: float, safety: float) -> np.ndarray:

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from common.kernel import kernel, leaf
 from common.robot.body_distance import cover_distance, pair_distance, to_world
-from common.robot.kernels import FAR, BodyGrids, Chain, body_grid, forward_kinematics, look_near, look_up, to_joint_frame
+from common.robot.kernels import FAR, BodyGrids, Chain, body_grid, forward_kinematics, look_close, look_up, to_joint_frame
 from common.robot.pair_tables import PairTables, table_distance
 from services.planner.kernels.cells import BLOCK, GROUP
 from services.planner.kernels.static_layer import body_static_gap
@@ -88,31 +88,40 @@ def cell_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # t
     which the cube lies. Never false when it truly does; when true, the cube is within ``safety_m`` + an eighth of its diagonal + rounding
     of the distance grid.
     """
-    if look_up(distance, grid, x, y, z) > safety_m + half_m * ROOT3:
-        return False
-    return _cube_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m)
+    return look_up(distance, grid, x, y, z) <= safety_m + half_m * ROOT3 and (
+        _cube_room(distance, grid, rotation, x, y, z, half_m, safety_m) <= 0.0
+    )
 
 
 @leaf
-def _cube_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ignore[no-untyped-def]
-    """:func:`cell_touches_body` where the first look does not rule it out: the cube's ball, its octants' balls, theirs."""
-    centre = look_near(distance, grid, x, y, z)
-    if centre > safety_m + half_m * ROOT3:
-        return False
-    if centre <= safety_m + half_m:
-        return True
+def _cube_room(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ignore[no-untyped-def]
+    """How far a body may move until it could come within ``safety_m`` of a cube (a lower bound, in metres); 0 where it may be now.
+
+    The cube's ball is looked at, where that leaves it open its octants' balls, and theirs. Arguments: :func:`cell_touches_body`.
+    """
+    inner, outer = safety_m + half_m, safety_m + half_m * ROOT3
+    centre = look_close(distance, grid, x, y, z, inner, outer)
+    if centre > outer:
+        return centre - outer
+    if centre <= inner:
+        return 0.0
+    room = np.inf
+    inner_octant, outer_octant, outer_part = safety_m + 0.5 * half_m, safety_m + 0.5 * half_m * ROOT3, safety_m + 0.25 * half_m * ROOT3
     for octant in range(8):
         ox, oy, oz = _octant_middle(rotation, x, y, z, 0.5 * half_m, octant)
-        middle = look_near(distance, grid, ox, oy, oz)
-        if middle > safety_m + 0.5 * half_m * ROOT3:
+        middle = look_close(distance, grid, ox, oy, oz, inner_octant, outer_octant)
+        if middle > outer_octant:
+            room = min(room, middle - outer_octant)
             continue
-        if middle <= safety_m + 0.5 * half_m:
-            return True
+        if middle <= inner_octant:
+            return 0.0
         for part in range(8):
             px, py, pz = _octant_middle(rotation, ox, oy, oz, 0.25 * half_m, part)
-            if look_near(distance, grid, px, py, pz) <= safety_m + 0.25 * half_m * ROOT3:
-                return True
-    return False
+            near = look_close(distance, grid, px, py, pz, outer_part, outer_part)
+            if near <= outer_part:
+                return 0.0
+            room = min(room, near - outer_part)
+    return room
 
 
 @leaf
@@ -175,13 +184,13 @@ def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-unty
                         x, y, z = to_joint_frame(turn, shift, x, y, z)
                         if beyond_grids:
                             room = cover_distance(grids, b, x, y, z, reach + COVER_LOOK_M) - reach
-                            touches = room <= 0.0
                         else:
                             room = look_up(distance, grid, x, y, z) - reach
-                            touches = room <= 0.0 and cell_touches_body(distance, grid, turn, x, y, z, half_m, safety_m)
-                        if touches:
+                            if room <= 0.0:
+                                room = _cube_room(distance, grid, turn, x, y, z, half_m, safety_m)
+                        if room <= 0.0:
                             return i, 0.0
-                    gap = min(gap, max(room, 0.0))
+                    gap = min(gap, room)
     return -1, gap
 
 

@@ -46,8 +46,8 @@ I32 = NDArray[np.int32]
 Progress = Callable[[str, float], None]  # stage, share done 0..1
 
 STAGES = ("motions", "map", "prune", "table", "practice", "write")
-RULES_VERSION = 4  # raise when the same config would give other motions
-MAP_VERSION = 7  # raise when the same motions would give another map
+RULES_VERSION = 5  # raise when the same config would give other motions
+MAP_VERSION = 8  # raise when the same motions would give another map
 
 
 def _silent(stage: str, share: float) -> None:

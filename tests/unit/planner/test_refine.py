@@ -117,7 +117,7 @@ def _slowed(bench):
 
 
 def test_what_is_shorter_but_much_slower_gives_way_to_shortcuts_with_more_room(bench, world):
-    path = _detour(bench, world)
+    path = _detour(bench, world, 6)
     found, ask, watch = FoundPath(np.full(7, -1, dtype=np.int32), path), Ask(HERE, THERE), Stopwatch(time.perf_counter_ns)
     planner = _planner(bench, 200, _slowed(bench))
     first = planner.along(world, ask, found, watch)

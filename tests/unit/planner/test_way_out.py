@@ -78,7 +78,7 @@ def test_where_no_neuron_can_be_joined_a_step_helps(bench):
     cells = _hand_at(bench, [0.0, 0.06, 0.0])
     rng = np.random.default_rng(4)
     helped = 0
-    for goal in START + rng.normal(scale=0.4, size=(60, 6)):
+    for goal in START + rng.normal(scale=0.4, size=(100, 6)):
         finder, world = _world(bench, cells, goal)
         leaving = world.leaving(bench.checker, START)
         assert leaving is not None
