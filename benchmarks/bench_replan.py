@@ -26,6 +26,7 @@ from benchmarks.referee import Referee, at_steps
 from benchmarks.solvable import are_solvable
 from common.cell import load
 from common.config import plain
+from common.errors import RequestError
 from services.planner.assemble import assemble
 from services.planner.config import PlannerConfig
 from services.planner.core.motion import Motion
@@ -49,6 +50,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Measure, judge, print, write."""
+    if args.n < 1:
+        raise RequestError(f"--n {args.n}: at least one question is needed", code="out_of_range")
     cell, config = load(args.config, "planner", PlannerConfig, args.override)
     parts = assemble(cell, config)
     rehearse(parts, time.monotonic_ns)

@@ -36,6 +36,12 @@ def test_figures_of_few_questions(tmp_path: Path, capsys: pytest.CaptureFixture[
 
 
 @pytest.mark.integration
+def test_no_questions_are_refused_by_name(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "replan", "--n", "0"]) == 1
+    assert "--n 0" in capsys.readouterr().err
+
+
+@pytest.mark.integration
 def test_an_answer_that_differs_in_one_bit_is_noticed() -> None:
     overrides = [*QUICK.overrides, NO_FALLBACK]
     parts = assemble(*load(None, "planner", PlannerConfig, overrides))
