@@ -59,7 +59,7 @@ def run(args: argparse.Namespace) -> int:
     old = [(q, before.answer(q)) for q in track(list(questions(parts, "task", args.old, args.seed)), "old questions", transient=True)]
     old = [(question, answer) for question, answer in old if answer.way == "map"]
     solved = _solved(parts, before, list(questions(parts, args.name, args.n, args.seed)))
-    grown, refused = _learn(parts, [path for _, path in solved])
+    grown, refused = _learn(parts, solved)
     after = Answerer(grown, None, ways=("map",))
     again = [after.answer(question).way == "map" for question, _ in solved]
     moved = [q for question, _ in solved for q in _moved(parts, question, args.seed)]
@@ -96,13 +96,13 @@ def _solved(parts: Parts, by_map: Answerer, asked: list[Question]) -> list[tuple
     return solved
 
 
-def _learn(parts: Parts, paths: list[F64]) -> tuple[Parts, int]:
-    """The parts with the map grown by ``paths`` as a live planner learns them, no journal kept; how many were refused."""
+def _learn(parts: Parts, solved: list[tuple[Question, F64]]) -> tuple[Parts, int]:
+    """The parts with the map grown by what was solved as a live planner learns it, no journal kept; how many were refused."""
     student = Student(Memory(parts, None), parts.reflex(time.monotonic_ns, "learned"))
     refused = 0
-    for path in track(paths, "learning", transient=True):
+    for question, path in track(solved, "learning", transient=True):
         try:
-            parts = student.take_in(Lesson(path, source="repair")).parts
+            parts = student.take_in(Lesson(path, source="repair", cells=question.cells)).parts
         except RequestError:
             refused += 1
     return parts, refused

@@ -22,6 +22,7 @@ from services.planner.questions import QuestionDesk
 __all__ = ["QUESTIONS_WAITING", "QuestionWorker", "reply_to"]
 
 log = logging.getLogger("planner")
+Learn = Callable[[str | None, NDArray[np.float64], NDArray[np.int32], str], None]  # way, path (P, J), cells (C,) it was found in, label
 QUESTIONS_WAITING = 16  # our choice; more are answered "busy"
 
 
@@ -36,7 +37,7 @@ def reply_to(command: Command[Any], action: Callable[[Any], Any]) -> None:
 class QuestionWorker:
     """A thread that answers questions one by one from a bounded queue."""
 
-    def __init__(self, desk: QuestionDesk, vitals: Vitals, learn: Callable[[str | None, NDArray[np.float64], str], None]) -> None:
+    def __init__(self, desk: QuestionDesk, vitals: Vitals, learn: Learn) -> None:
         self.desk = desk  # may be exchanged at any time: the next question goes to the new one
         self._learn = learn
         self._vitals = vitals
@@ -71,5 +72,5 @@ class QuestionWorker:
 
     def _replied(self, request: PlanRequest, q_now: Any, live_cells: Any) -> PlanReply:
         reply = self.desk.answer(request, q_now, live_cells)
-        self._learn(reply.way, reply.path_q_rad, "a question")
+        self._learn(reply.way, reply.path_q_rad, live_cells if request.cells is None else request.cells, "a question")
         return reply

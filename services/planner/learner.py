@@ -24,30 +24,35 @@ from common.wire.messages import LearnReply
 from services.planner.assemble import Parts
 from services.planner.core.find import PathFinder
 from services.planner.core.growth import Addition, grown
-from services.planner.core.learning import LearningRules, check_path, learn, usual_spacing
+from services.planner.core.learning import LearningRules, MotionCheck, check_path, learn, usual_spacing
 from services.planner.core.lookup import BlockedCounts
 from services.planner.core.reflex import Reflex
 from services.planner.core.ways import Sampler
-from services.planner.core.world import no_cells
+from services.planner.core.world import cells_of, no_cells
 from services.planner.memory import Memory
 from services.planner.questions import QuestionDesk
 
 __all__ = ["Learned", "Learner", "Lesson", "Student"]
 
 F64 = NDArray[np.float64]
+I32 = NDArray[np.int32]
 log = logging.getLogger("planner")
 MAX_LABEL = 200  # characters; our choice
 
 
 @dataclass(frozen=True, eq=False)
 class Lesson:
-    """A joint path (K, J) to learn; ``source`` says where it comes from (``taught``, ``repair``, ...), ``command`` wants the answer."""
+    """A joint path (K, J) to learn; ``source`` says where it comes from (``taught``, ``repair``, ...), ``command`` wants the answer.
+
+    ``cells`` (C,): flat indices of those among which it was found; None: it is not known among which.
+    """
 
     q_rad: F64
     t_s: F64 | None = None
     label: str = ""
     source: str = "taught"
     command: Command[Any] | None = None
+    cells: I32 | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,7 +112,8 @@ class Student:
         began_ns = monotonic_ns()
         path = self._checked(lesson)
         roadmap = self._parts.roadmap
-        addition = learn(roadmap, path, self._rules(lesson), lambda a, b: self._checker.segment(self._empty, a, b))
+        among_cells = None if lesson.cells is None else self._check_among(lesson.cells)
+        addition = learn(roadmap, path, self._rules(lesson), self._check_among(None), among_cells)
         larger = grown(roadmap, addition, self._ground)
         if not rehearsal and not addition.is_empty:
             self._write_down(lesson, addition)
@@ -125,6 +131,12 @@ class Student:
         if addition.is_empty:
             return Learned(lesson, reply, self._parts)
         return self._ready(lesson, reply, self._parts.on(larger))
+
+    def _check_among(self, cells: I32 | None) -> MotionCheck:
+        """Whether a straight motion is free among ``cells`` (C,); None: where nothing is seen."""
+        grid, never = self._parts.grid, self._parts.roadmap.table.unavoidable
+        seen = self._empty if cells is None else cells_of(grid, np.setdiff1d(cells, never).astype(np.int32))
+        return lambda a, b: self._checker.segment(seen, a, b)
 
     def _write_down(self, lesson: Lesson, addition: Addition) -> None:
         if self._journal is None:

@@ -215,13 +215,13 @@ class Planner:
         )
         self._vitals.meter("trajectories").tick(now_ns, self._reflex.report.timing_ms.get("total"))
         if sent.motion is not None:
-            self._learn_way(sent.motion.path.way, sent.motion.path.q_rad, sent.goal_id)
+            self._learn_way(sent.motion.path.way, sent.motion.path.q_rad, self._reflex.vision.counts.cells, sent.goal_id)
 
-    def _learn_way(self, way: str | None, q_rad: NDArray[np.float64], label: str) -> None:
+    def _learn_way(self, way: str | None, q_rad: NDArray[np.float64], cells: NDArray[np.int32], label: str) -> None:
         """What the map did not know joins it, if there is room; who asks for it again may offer it again."""
         if way in ("repair", "fallback") and self._config.learning.from_ways:
             self._vitals.count(f"solved_by_{way}")
-            self._learner.offer(Lesson(q_rad, label=label, source=way))
+            self._learner.offer(Lesson(q_rad, label=label, source=way, cells=cells))
 
     def _publish_event(self, event: Event) -> None:
         self._n_events += 1

@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
 
-__all__ = ["CognitiveMap", "MapStatistics", "components", "quantisation_error_rad", "statistics", "topographic_error"]
+__all__ = ["CognitiveMap", "MapStatistics", "components", "n_components", "quantisation_error_rad", "statistics", "topographic_error"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -81,6 +81,11 @@ def components(n_neurons: int, edges: NDArray[np.integer]) -> I32:
     return np.asarray(rank[labels], dtype=np.int32)
 
 
+def n_components(cognitive_map: CognitiveMap) -> int:
+    """How many parts a map has that no edge joins."""
+    return int(components(cognitive_map.n_neurons, cognitive_map.edges).max(initial=-1)) + 1
+
+
 def quantisation_error_rad(cognitive_map: CognitiveMap, samples_rad: F64) -> float:
     """Mean distance of ``samples_rad`` (S, J) to their best match (Kohonen)."""
     distance, _ = KDTree(cognitive_map.q_rad).query(samples_rad)
@@ -119,7 +124,7 @@ def statistics(cognitive_map: CognitiveMap, samples_rad: F64) -> MapStatistics:
     return MapStatistics(
         neurons=n,
         edges=len(length),
-        components=int(components(n, cognitive_map.edges).max(initial=-1)) + 1,
+        components=n_components(cognitive_map),
         quantisation_error_rad=quantisation_error_rad(cognitive_map, samples_rad),
         degree_mean=float(np.mean(degree)),
         degree_quantiles=[float(v) for v in np.quantile(degree, quantiles)],

@@ -24,7 +24,7 @@ from services.planner.kernels.cells import Cells
 from services.planner.kernels.collision import FREE
 from services.planner.kernels.path import segment_verdict
 
-__all__ = ["LearningRules", "check_path", "learn", "usual_spacing"]
+__all__ = ["LearningRules", "MotionCheck", "check_path", "learn", "usual_spacing"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
@@ -96,14 +96,24 @@ def _in_the_way(a: int, b: int, share: float, what: str) -> RequestError:
     )
 
 
-def learn(roadmap: Roadmap, path_rad: F64, rules: LearningRules, motion_is_free: MotionCheck) -> Addition:
+def learn(
+    roadmap: Roadmap, path_rad: F64, rules: LearningRules, motion_is_free: MotionCheck, among_cells: MotionCheck | None = None
+) -> Addition:
     """What a path (P >= 2, J), free along its straight pieces, adds to a map.
+
+    Args:
+        roadmap: the map.
+        path_rad: the path.
+        rules: how it is taken in.
+        motion_is_free: whether a straight motion is free where nothing is seen; every new edge is.
+        among_cells: the same among the cells that the path was found in. Through a narrow place the path is walked in steps so small that
+            each is free among them too, looked at where the table looks at an edge: else the map would know the way and not take it.
 
     Raises:
         RequestError: it needs more neurons than allowed, cannot be followed by straight steps, or cannot be joined to the map.
     """
     way = _Way.of(path_rad)
-    growing = _Growing(roadmap, rules, motion_is_free)
+    growing = _Growing(roadmap, rules, motion_is_free, among_cells or motion_is_free)
     marks = way.marks_at_corners(rules.spacing_rad) if rules.exactly else way.marks(rules.spacing_rad)
     chain: list[int] = []
     for k, mark in enumerate(marks):
@@ -155,8 +165,8 @@ class _Way:
 class _Growing:
     """The map with what was added so far. Every edge that it takes was found free."""
 
-    def __init__(self, roadmap: Roadmap, rules: LearningRules, motion_is_free: MotionCheck) -> None:
-        self._roadmap, self._rules, self._is_free = roadmap, rules, motion_is_free
+    def __init__(self, roadmap: Roadmap, rules: LearningRules, motion_is_free: MotionCheck, along_the_way: MotionCheck) -> None:
+        self._roadmap, self._rules, self._is_free, self._is_free_along = roadmap, rules, motion_is_free, along_the_way
         self._n = roadmap.n_neurons
         self._q = np.empty((self._n + rules.max_neurons, roadmap.neurons_rad.shape[1]))
         self._q[: self._n] = roadmap.neurons_rad
@@ -181,12 +191,18 @@ class _Growing:
             return None
         if ahead is not None and not self._is_free(at, ahead):
             return None
-        return near if before is None or before == near or self._join(before, near) else None
+        if before is None or before == near:
+            return near
+        return near if self._is_free_along(self._q[before], at) and self._join(before, near) else None
 
     def step(self, way: _Way, before: int, from_rad: float, to_rad: float, halvings: int) -> list[int]:
-        """New neurons along the way up to ``to_rad``: one if the straight step is free, else in halves."""
+        """New neurons along the way up to ``to_rad``: one if the straight step is free, else in halves.
+
+        Of the smallest steps no more is asked than of any edge: the cells among which the way was found may be gone already.
+        """
         q = way.at(to_rad)
-        if self._is_free(self._q[before], q):
+        is_free = self._is_free_along if halvings > 0 else self._is_free
+        if is_free(self._q[before], q):
             new = self.add(q)
             self._edges[(before, new)] = None
             return [new]

@@ -22,7 +22,7 @@ from common.cell import CellConfig
 from common.errors import ArtefactError
 from common.robot.model import cache_dir
 from services.planner.config import PlannerConfig
-from services.planner.core.cognitive_map import CognitiveMap, statistics
+from services.planner.core.cognitive_map import CognitiveMap, n_components, statistics
 from services.planner.core.layer_table import NO_LAYERS, LayerTable
 from services.planner.core.lookup import LookupTable
 from services.planner.core.roadmap import Roadmap
@@ -47,7 +47,7 @@ Progress = Callable[[str, float], None]  # stage, share done 0..1
 
 STAGES = ("motions", "map", "prune", "table", "practice", "write")
 RULES_VERSION = 5  # raise when the same config would give other motions
-MAP_VERSION = 8  # raise when the same motions would give another map
+MAP_VERSION = 9  # raise when the same motions would give another map
 
 
 def _silent(stage: str, share: float) -> None:
@@ -273,7 +273,10 @@ def _stage(name: str, progress: Progress, seconds: dict[str, float]) -> Iterator
 def _practise(
     job: Job, checked: CheckedMap, table: LookupTable, paths: list[F64], samples: Samples, progress: Progress
 ) -> tuple[CheckedMap, LookupTable, dict[str, int]]:
-    """The map after practice, its table, and how much it practised; as it is where nothing is left to practice."""
+    """The map after practice, its table, and how much it practised; as it is where nothing is left to practice.
+
+    The figure ``components`` is of the map as it was pruned; what practice added apart from it is told as ``islands``.
+    """
     if n_to_practise(job.config) == 0:
         return checked, table, {}
 
@@ -283,7 +286,14 @@ def _practise(
 
     roadmap = Roadmap.of(checked.learned, table, job.config.model)
     done = practise(job.scene, job.config, roadmap, new_exercises, samples.q_rad, lambda share: progress("practice", share))
-    counted = {"exercises": done.n_exercises, "unanswered": done.n_unanswered, "lessons": done.n_lessons, "lesson_neurons": done.n_neurons}
+    counted = {
+        "components": n_components(checked.learned),
+        "exercises": done.n_exercises,
+        "unanswered": done.n_unanswered,
+        "lessons": done.n_lessons,
+        "lesson_neurons": done.n_neurons,
+        "islands": done.n_islands,
+    }
     return CheckedMap(done.learned), done.table, counted
 
 

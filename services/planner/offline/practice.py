@@ -6,6 +6,10 @@ neurons. Measured on 500 questions of ``task`` (other boxes and ends than those 
 a gas alone solves 430; with 687 neurons from 103 lessons of 3 000 exercises 441; with as many put where motions are worst represented 432.
 Whole ways, corners cut, instead of what lies beside the map: four times the neurons for the same.
 
+What a lesson adds may be an island: joint limits leave pockets of free space that nothing joins with the rest, and a map that begins as one
+component knows none of them. Measured: with the UR3's shoulder turned right over a way goes from pick to place, in 3 of 1 230 motions and 7
+of 500 questions of ``task``; with islands the map alone solves 1 350 of 1 500 such questions, without 1 341.
+
 Deterministic: exercises and generators are drawn from numbers, and the map that is asked grows only between rounds.
 """
 
@@ -24,7 +28,7 @@ from numpy.typing import NDArray
 
 from common.errors import RequestError
 from services.planner.config import PlannerConfig
-from services.planner.core.cognitive_map import CognitiveMap
+from services.planner.core.cognitive_map import CognitiveMap, n_components
 from services.planner.core.find import PathFinder
 from services.planner.core.found import NO_NEURON, FoundPath
 from services.planner.core.growth import Addition, Ground, grown
@@ -61,7 +65,10 @@ def before_practice(config: PlannerConfig) -> PlannerConfig:
 
 @dataclass(frozen=True, eq=False)
 class Practised:
-    """The map and its table; ``n_exercises`` asked, ``n_unanswered`` of them by the map, ``n_lessons`` taken in, with ``n_neurons``."""
+    """The map and its table; ``n_exercises`` asked, ``n_unanswered`` of them by the map, ``n_lessons`` taken in, with ``n_neurons``.
+
+    ``n_islands``: components that the map has more than before.
+    """
 
     learned: CognitiveMap
     table: LookupTable
@@ -69,6 +76,7 @@ class Practised:
     n_unanswered: int
     n_lessons: int
     n_neurons: int
+    n_islands: int
 
 
 def practise(
@@ -84,7 +92,7 @@ def practise(
     Args:
         scene: arm, grid and static layer of the map.
         config: ``[planner.practice]``, ``[planner.map]``, and for the rows of the table margins and clearance.
-        roadmap: one component; its neurons and edges keep their numbers.
+        roadmap: the map; its neurons and edges keep their numbers.
         new_exercises: makes what gives the exercises, once for each thread.
         samples_rad: (S, J) training samples, from which missing neurons are taken.
         progress: called with the share done.
@@ -105,7 +113,8 @@ def practise(
     pupil.fill(samples_rad)
     whole = pupil.grown_whole(roadmap)
     learned = CognitiveMap(whole.neurons_rad, whole.edges)
-    return Practised(learned, whole.table, n_done, pupil.n_unanswered, pupil.n_lessons, n_neurons)
+    n_islands = n_components(learned) - n_components(CognitiveMap(roadmap.neurons_rad, roadmap.edges))
+    return Practised(learned, whole.table, n_done, pupil.n_unanswered, pupil.n_lessons, n_neurons, n_islands)
 
 
 def rehearse(scene: Scene, config: PlannerConfig, roadmap: Roadmap) -> None:
@@ -167,15 +176,14 @@ class _Desk:
         return search.found()
 
     def _learned(self, roadmap: Roadmap, room: int, stretch_rad: F64) -> Addition | None:
-        """What a stretch (P, J) adds to the map; None if nothing, or what would be a second component."""
+        """What a stretch (P, J) adds to the map; None if nothing. It may be an island: an arm that is there already needs no way out."""
         m = self._config.map
         rules = LearningRules(self._config.practice.step_rad, 0.0, m.join_neighbours, m.bridge_max_rad, room, exactly=True)
         try:
             addition = learn(roadmap, stretch_rad, rules, lambda a, b: self._checker.segment(self._nothing, a, b))
         except RequestError:  # longer than there is room, or, looked at closely, not free
             return None
-        is_joined = len(addition.neurons_rad) == 0 or bool((addition.edges < roadmap.n_neurons).any())
-        return addition if is_joined and not addition.is_empty else None
+        return None if addition.is_empty else addition
 
 
 class _Pupil:

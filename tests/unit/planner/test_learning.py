@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -119,6 +121,29 @@ def test_an_island_is_taken_in_where_there_is_no_other_way():
     addition = learn(LINE, np.array([[5.0, 5.0], [5.0, 6.0]]), exactly, everything)
     assert len(addition.neurons_rad) == 11 and not whole(LINE, addition)
     assert set(np.unique(addition.edges)) == set(range(11, 22))
+
+
+EXACTLY = LearningRules(0.1, 0.05, 2, 1.0, max_neurons=1000, exactly=True)
+LANE = np.array([[0.0, 0.5], [1.0, 0.5]])
+
+
+def test_a_narrow_place_is_walked_in_steps_that_are_free_among_the_cells_there():
+    def among_cells(a: np.ndarray, b: np.ndarray) -> bool:
+        """Between x = 0.4 and 0.6 a look at a long step falls on what is in the way; short steps pass between two looks."""
+        return max(a[0], b[0]) <= 0.4 + 1e-9 or min(a[0], b[0]) >= 0.6 - 1e-9 or abs(b[0] - a[0]) < 0.03
+
+    addition = learn(LINE, LANE, EXACTLY, everything, among_cells)
+    q, n = addition.neurons_rad, LINE.n_neurons
+    along = np.argsort(q[:, 0])
+    pairs = {tuple(sorted((int(a), int(b)))) for a, b in zip(along[:-1] + n, along[1:] + n, strict=True)}
+    assert pairs <= set(map(tuple, addition.edges.tolist())), "the whole way is in the map"
+    assert all(among_cells(q[a], q[b]) for a, b in pairwise(along))
+    assert 11 < len(q) < 30, "small steps only where they are needed"
+
+
+def test_a_way_is_learned_though_the_cells_have_changed_since():
+    addition = learn(LINE, LANE, EXACTLY, everything, lambda _a, _b: False)
+    assert len(addition.neurons_rad) == 1 + 10 * 32, "in the smallest steps, of which no more is asked than of any edge"
 
 
 def test_growth_is_bounded():

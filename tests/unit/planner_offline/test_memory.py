@@ -13,6 +13,7 @@ from common.clock import monotonic_ns
 from common.errors import ArtefactError, RequestError, TolmanError
 from services.planner.assemble import Parts
 from services.planner.config import PlannerConfig
+from services.planner.core.lookup import cells_of_pose
 from services.planner.core.roadmap import Roadmap
 from services.planner.learner import Lesson, Student
 from services.planner.memory import Memory, journal_of, recall
@@ -58,6 +59,17 @@ def test_what_was_learned_is_there_at_the_next_start_bit_for_bit(parts: Parts) -
     assert_equal(again.parts.roadmap, second.parts.roadmap)
     third = student(parts, again).take_in(Lesson(PATH))
     assert third.reply.added_neurons == 0 and third.finder is None, "what is known adds nothing"
+
+
+def test_a_way_is_learned_among_the_cells_it_was_found_in(parts: Parts) -> None:
+    grid, margins = parts.grid, parts.config.margins
+    on_the_way = cells_of_pose(parts.checker().arm, grid, PATH[20], safety_m=margins.safety_m)
+    far = np.array([0, 1, 2], dtype=np.int32)
+    forgetful = changed(parts, keep=False)
+    n_alone, n_far, n_near = (
+        student(forgetful).take_in(Lesson(PATH, source="repair", cells=cells)).reply.added_neurons for cells in (None, far, on_the_way)
+    )
+    assert 0 < n_alone == n_far < n_near
 
 
 def test_the_live_planner_takes_a_grown_map_and_counts_its_cells(parts: Parts) -> None:

@@ -96,6 +96,22 @@ def _is_answered(scene: Scene, roadmap: Roadmap, exercise: Exercise) -> bool:
     return status != NO_WAY and isinstance(route.find(), FoundPath)
 
 
+def test_a_pocket_that_nothing_joins_becomes_an_island(
+    scene: Scene, config: PlannerConfig, before: tuple[Roadmap, list[np.ndarray]]
+) -> None:
+    """The UR3's shoulder turned right over, above the table behind it: joint limits and table cut that off from all else."""
+    roadmap, paths = before
+    pocket = np.array([[2.41, 3.09, 1.07, -2.73, 1.63, 1.50], [-2.31, 3.09, 1.30, -2.80, 1.70, -0.30]])
+    checker, nothing = scene.checker(), no_cells(scene.grid)
+    assert checker.segment(nothing, *pocket) and not any(checker.segment(nothing, pocket[0], q) for q in roadmap.neurons_rad)
+    exercises = _exercises(scene, config, [pocket])
+    asked = [exercise for k in range(60) if (exercise := exercises(k)) is not None]
+    done = practise(scene, config, roadmap, lambda: exercises, np.vstack(paths))
+    assert done.n_islands >= 1
+    after = Roadmap.of(done.learned, done.table, "gng")
+    assert sum(_is_answered(scene, after, e) for e in asked) > sum(_is_answered(scene, roadmap, e) for e in asked)
+
+
 def test_threads_change_nothing(
     scene: Scene,
     config: PlannerConfig,
