@@ -40,8 +40,9 @@ def test_a_table_never_says_more_than_the_distance_of_the_meshes():
     assert grazing == 0, "bodies a centimetre apart are known to be"
 
 
-def test_tables_are_the_same_each_time():
+def test_a_table_is_the_same_each_time():
     robot = ur3()
-    again = build_pair_tables(robot.bodies, robot.chain, robot.grids, robot.pairs)
-    for kept, made in zip(robot.pair_tables, again, strict=True):
-        np.testing.assert_array_equal(kept, made)
+    kept, p = robot.pair_tables, int(np.flatnonzero(robot.pair_tables.table != NO_TABLE)[-1])
+    again = build_pair_tables(robot.bodies, robot.chain, robot.grids, robot.pairs[p : p + 1])
+    assert again.table.tolist() == [0] and again.first_joint[0] == kept.first_joint[p]
+    np.testing.assert_array_equal(again.distance_m[0], kept.distance_m[kept.table[p]])
