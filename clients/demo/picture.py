@@ -28,7 +28,7 @@ TABLE, BINS, ARM, VOXELS = "#f1ede4", "#cfc6b4", "#8d9db8", "#ffc61a"
 PLANNED, DRIVEN = "#1f9d4d", "#00b4e0"
 LIGHT = LightSource(azdeg=120, altdeg=55)
 ELEVATION_DEG, AZIMUTH_DEG = 27.0, 28.0  # our choice: from the far side, over the bins
-LIMITS_M = ((-0.25, 0.70), (-0.55, 0.55), (-0.12, 0.48))
+LIMITS_M = np.array([[-0.25, 0.70], [-0.55, 0.55], [-0.12, 0.48]])  # at the least: table and bins
 WALL_SUBDIVISIONS = 4
 
 
@@ -39,7 +39,7 @@ def draw(moment: Moment, arm: Arm, fixed: Sequence[SolidConfig], path: Path) -> 
     axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0), projection="3d", computed_zorder=False)
     draw_into(axes, moment, arm, fixed)
     axes.plot([], [], color=VOXELS, linewidth=8, label="seen by the cameras")
-    axes.legend(loc="upper left", bbox_to_anchor=(0.0, 0.97), frameon=False, fontsize=12)
+    figure.legend(loc="lower left", frameon=False, fontsize=12)  # of the figure: in its corner, where nothing is drawn
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path)
 
@@ -47,13 +47,22 @@ def draw(moment: Moment, arm: Arm, fixed: Sequence[SolidConfig], path: Path) -> 
 def draw_into(axes: Any, moment: Moment, arm: Arm, fixed: Sequence[SolidConfig]) -> None:
     """Draw a moment into 3-D axes that were made with ``computed_zorder=False``."""
     _add_table(axes)
-    _add_meshes(axes, [*_bins(fixed), *_voxels(moment), *_arm(moment.q_rad, arm)])
+    meshes = [*_bins(fixed), *_voxels(moment), *_arm(moment.q_rad, arm)]
+    ways = [arm.tool_positions(q) for q in (moment.planned_q_rad, moment.driven_q_rad) if len(q)]
+    _add_meshes(axes, meshes)
     _add_path(axes, arm, moment.planned_q_rad, PLANNED, "planned")
     _add_path(axes, arm, moment.driven_q_rad, DRIVEN, "driven")
-    axes.set(xlim=LIMITS_M[0], ylim=LIMITS_M[1], zlim=LIMITS_M[2])
-    axes.set_box_aspect([high - low for low, high in LIMITS_M], zoom=1.3)
+    limits_m = _limits_m([*(vertices for vertices, _, _ in meshes), *ways])
+    axes.set(xlim=limits_m[0], ylim=limits_m[1], zlim=limits_m[2])
+    axes.set_box_aspect(limits_m[:, 1] - limits_m[:, 0], zoom=1.3)
     axes.view_init(elev=ELEVATION_DEG, azim=AZIMUTH_DEG)
     axes.set_axis_off()
+
+
+def _limits_m(shown_m: Sequence[F64]) -> F64:
+    """(3, 2) lowest and highest of all that is shown (points (n, 3)), so that no way leaves the picture."""
+    points = np.vstack(shown_m)
+    return np.stack([np.minimum(LIMITS_M[:, 0], points.min(axis=0)), np.maximum(LIMITS_M[:, 1], points.max(axis=0))], axis=1)
 
 
 def _bins(fixed: Sequence[SolidConfig]) -> Iterator[Mesh]:
