@@ -52,6 +52,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Solve, learn, ask again, compare, print, write."""
+    for name, n in (("--n", args.n), ("--old", args.old)):
+        if n < 1:
+            raise RequestError(f"{name} {n}: at least one question is needed", code="out_of_range")
     cell, config = load(args.config, "planner", PlannerConfig, args.override)
     parts = assemble(cell, config)
     rehearse(parts, time.monotonic_ns)
@@ -74,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
         "moved_by_map_share": float(np.mean(by_map)) if by_map else None,
         "n_old": len(old),
         "old_unsolved_now": int(np.count_nonzero(~np.isfinite(lengths[:, 1]))),
-        "old_length_ratio": _ratios(lengths),
+        "old_length_ratio": _ratios(lengths) if old else None,
     }
     print(json.dumps(figures, indent=2))
     if args.json is not None:
