@@ -15,13 +15,16 @@ from numpy.typing import NDArray
 
 from common.errors import ConfigError, TolmanError
 from services.planner.config import PlannerConfig
-from services.planner.core.cognitive_map import CognitiveMap, quantisation_error_rad, statistics
+from services.planner.core.cognitive_map import CognitiveMap, n_components, quantisation_error_rad, statistics
 from services.planner.core.gng import GrowingNeuralGas
 from services.planner.core.lookup import LookupTable
+from services.planner.core.world import no_cells
+from services.planner.kernels.collision import FREE
 from services.planner.offline.config import MOST_NEURONS
 from services.planner.offline.finishing import prune_grown, table_of
 from services.planner.offline.growth import gas_parameters
 from services.planner.offline.motions import Samples, resample
+from services.planner.offline.pruning import in_largest_component, join_components, largest_component, without_collisions
 from services.planner.offline.scene import Scene
 
 __all__ = ["Extended", "extend", "refuse_lattice", "samples_to_extend_by"]
@@ -69,7 +72,8 @@ def extend(
     """``kept`` after it has learned ``samples_rad`` too, free of collisions, and its table. Same arguments, same bytes.
 
     It has ``config.extend.n_added`` neurons more than before. Learning moves and renews only what is near the new samples; what is lost
-    there (neurons that moved into collisions, edges that aged) is filled up from the new samples.
+    there (neurons that moved into collisions, edges that aged) is filled up from the new samples. What practice added apart from the rest
+    (:mod:`services.planner.offline.practice`) neither moves nor goes, unless it collides here.
 
     Args:
         scene: robot, static layer and margins; may hold more than when ``kept`` was made: all of the map is checked anew.
@@ -87,10 +91,13 @@ def extend(
     if n_neurons > MOST_NEURONS:
         raise ConfigError(f"[planner.extend] n_added: {kept.n_neurons} + {config.extend.n_added} neurons are more than {MOST_NEURONS}")
     progress("map", 0.0)
-    grown = _grown(config, kept, samples_rad, n_neurons)
+    islands = _free_islands(scene, kept)
+    n_taught = n_neurons - islands.n_neurons
+    grown = _grown(config, largest_component(kept), samples_rad, n_taught)
     progress("map", 1.0)
     progress("prune", 0.0)
-    learned = prune_grown(scene, config, grown, samples_rad, n_neurons).learned
+    pruned = prune_grown(scene, config, grown, samples_rad, n_taught).learned
+    learned = _with_islands(scene, config, pruned, islands)
     progress("prune", 1.0)
     table = table_of(scene, config, learned, lambda share: progress("table", share))
     figures = {
@@ -99,10 +106,28 @@ def extend(
         "quantisation_error_before_rad": quantisation_error_rad(kept, samples_rad),
         "samples": len(samples_rad),
         **asdict(statistics(learned, samples_rad)),
+        "components": n_components(pruned),
+        "islands": n_components(learned) - n_components(pruned),
         "table_bytes": table.n_bytes,
         "layer_bytes": table.layers.n_bytes,
     }
     return Extended(learned, table, figures)
+
+
+def _free_islands(scene: Scene, kept: CognitiveMap) -> CognitiveMap:
+    """What no edge joins with the largest part of a map, and is free in this scene."""
+    checker, nothing = scene.checker(), no_cells(scene.grid)
+    apart = kept.subset(~in_largest_component(kept))
+    return without_collisions(apart, lambda q: checker.pose(nothing, q)[0] == FREE, lambda a, b: checker.segment(nothing, a, b))
+
+
+def _with_islands(scene: Scene, config: PlannerConfig, pruned: CognitiveMap, islands: CognitiveMap) -> CognitiveMap:
+    """Both in one map; an island that a free edge can join by now is joined."""
+    if islands.n_neurons == 0:
+        return pruned
+    checker, nothing = scene.checker(), no_cells(scene.grid)
+    both = CognitiveMap.of(np.vstack([pruned.q_rad, islands.q_rad]), np.vstack([pruned.edges, islands.edges + pruned.n_neurons]))
+    return join_components(both, lambda a, b: checker.segment(nothing, a, b), config.map.bridge_max_rad)
 
 
 def _grown(config: PlannerConfig, kept: CognitiveMap, samples_rad: F64, n_neurons: int) -> CognitiveMap:

@@ -27,7 +27,7 @@ from scipy.spatial import KDTree
 
 from services.planner.core.cognitive_map import CognitiveMap, components
 
-__all__ = ["fill_up", "join_components", "largest_component", "prune", "prune_lattice", "without_collisions"]
+__all__ = ["fill_up", "in_largest_component", "join_components", "largest_component", "prune", "prune_lattice", "without_collisions"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -65,7 +65,7 @@ def prune_lattice(grown: CognitiveMap, *, pose_is_free: PoseCheck, motion_is_fre
     if not is_free.any():
         raise ValueError(f"all {grown.n_neurons} units collide: nothing is left of the lattice")
     free = _with_free_edges(grown.subset(is_free), motion_is_free)
-    is_whole = _in_largest_component(free)
+    is_whole = in_largest_component(free)
     return free.subset(is_whole), np.flatnonzero(is_free)[is_whole].astype(np.int32)
 
 
@@ -127,11 +127,12 @@ def _nearest_outside(tree: KDTree, q_rad: F64, inside: NDArray[np.bool_], most_r
 
 
 def largest_component(joined: CognitiveMap) -> CognitiveMap:
-    """The largest component; of equals the one with the lowest neuron."""
-    return joined.subset(_in_largest_component(joined))
+    """The largest component alone."""
+    return joined.subset(in_largest_component(joined))
 
 
-def _in_largest_component(joined: CognitiveMap) -> NDArray[np.bool_]:
+def in_largest_component(joined: CognitiveMap) -> NDArray[np.bool_]:
+    """(N,) which neurons are in the largest component; of equals the one with the lowest neuron."""
     labels = components(joined.n_neurons, joined.edges)
     return np.asarray(labels == np.argmax(np.bincount(labels)))
 

@@ -10,7 +10,7 @@ import pytest
 
 from common.errors import ConfigError, TolmanError
 from services.planner.config import PlannerConfig
-from services.planner.core.cognitive_map import quantisation_error_rad, statistics
+from services.planner.core.cognitive_map import CognitiveMap, quantisation_error_rad, statistics
 from services.planner.core.lookup import cells_of_pose
 from services.planner.core.world import no_cells
 from services.planner.kernels.collision import FREE
@@ -82,6 +82,19 @@ def test_without_room_to_grow_it_adapts(scene: Scene, config: PlannerConfig, kep
     adapted = extend(scene, full, kept.learned, task_rad)
     assert adapted.learned.n_neurons == kept.learned.n_neurons
     assert quantisation_error_rad(adapted.learned, task_rad) < quantisation_error_rad(kept.learned, task_rad)
+
+
+def test_what_lies_apart_stays_where_it_is(scene: Scene, config: PlannerConfig, kept: build.Built, task_rad: np.ndarray) -> None:
+    n, pocket = kept.learned.n_neurons, scene.robot.home_rad + np.array([[0.0, 0.0, 0.0, 0.0, 0.0, 4.0], [0.0, 0.0, 0.0, 0.0, 0.0, 4.2]])
+    apart = CognitiveMap.of(np.vstack([kept.learned.q_rad, pocket]), np.vstack([kept.learned.edges, [[n, n + 1]]]))
+    extended = extend(scene, config, apart, task_rad)
+    assert extended.learned.n_neurons == n + 2 + 40
+    here = [int(np.flatnonzero((extended.learned.q_rad == q).all(axis=1))[0]) for q in pocket]
+    assert here in extended.learned.edges.tolist()
+    assert (extended.figures["components"], extended.figures["islands"]) == (1, 1)
+    long_bridges = msgspec.structs.replace(config, map=msgspec.structs.replace(config.map, bridge_max_rad=6.0))
+    joined = extend(scene, long_bridges, apart, task_rad)
+    assert joined.figures["islands"] == 0 and joined.learned.n_neurons == n + 2 + 40
 
 
 @pytest.mark.parametrize("model", ["som", "gamma_som"])
