@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -19,7 +19,7 @@ from services.planner.kernels.connect import ASTAR, BIDIRECTIONAL, DIJKSTRA, WAV
 from services.planner.kernels.neuron_index import nearest_free
 from services.planner.kernels.refine import refine
 from services.planner.kernels.search import NOT_FOUND
-from services.planner.kernels.shorten import cut_corners
+from services.planner.kernels.shorten import cut_corners, has_repeats
 from services.planner.kernels.way import new_rooms
 
 __all__ = ["N_CONNECTIONS", "SEARCHES", "Counts", "PathFinder", "Pieces", "Rules"]
@@ -64,6 +64,8 @@ class Pieces:
 
     def without_repeats(self, least_rad: float) -> Pieces:
         """Without pieces that are no longer than ``least_rad``."""
+        if not has_repeats(self.q_rad, least_rad):
+            return self
         moves = np.linalg.norm(np.diff(self.q_rad, axis=0), axis=1) > least_rad
         return Pieces(self.q_rad[np.insert(moves, 0, True)], self.proven[moves], self.origin[moves])
 
@@ -192,5 +194,9 @@ class PathFinder:
         pieces = Pieces(path[kept[:n]], proven[: n - 1], kept[: n - 1])
         # The search looked at its connections itself, repair and fallback at all of it, more closely than here: to look once more in other
         # places would only find what lies a hair within the safety distance, in the narrow places that they are for.
-        looked_at = (pieces.origin == 0) | (pieces.origin == len(path) - 2) | (found.way != "map")
-        return replace(pieces, proven=(pieces.proven | looked_at).astype(np.uint8))
+        if found.way != "map":
+            pieces.proven[:] = 1
+        pieces.proven[0] = 1
+        if pieces.origin[-1] == len(path) - 2:
+            pieces.proven[-1] = 1
+        return pieces

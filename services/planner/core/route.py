@@ -111,7 +111,8 @@ class Route:
         self._ends.known[end][at], self._ends.cost[end][at] = BARRED, np.inf
 
     def _found(self, neurons: I32) -> FoundPath:
-        raw = np.vstack([self._q_start, self._finder.roadmap.neurons_rad[neurons], self._q_goal])
+        raw = np.empty((len(neurons) + 2, len(self._q_start)))
+        raw[0], raw[1:-1], raw[-1] = self._q_start, self._finder.roadmap.neurons_rad[neurons], self._q_goal
         return FoundPath(neurons, raw, self._leaving)
 
     def _joins(self, q: F64) -> bool:

@@ -15,7 +15,7 @@ from common.robot.trajectory import JointTrajectory
 from services.planner.core.separation import Caps
 from services.planner.core.smoothing import Nurbs
 from services.planner.kernels.blends import LINE_STEP_RAD, sample_blends, sample_count
-from services.planner.kernels.timing import CANNOT_ENTER, astray, fastest_within
+from services.planner.kernels.timing import CANNOT_ENTER, fastest_within
 
 __all__ = ["Limits", "Timed", "brake", "limit_ratio", "time_blends", "time_curve", "time_polyline"]
 
@@ -104,32 +104,30 @@ def _time_samples(
     s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None, caps: Caps | None
 ) -> Timed | None:
     """Time at samples of a path (kernels.timing's arguments), within limits also between them."""
-    samples = (s, q, d1, d2, d2_before, limits, velocity_start)
-    uncapped = _time_capped(*samples, np.full(len(s), np.inf))
-    if uncapped is None or caps is None:
-        return None if uncapped is None else uncapped[0]
-    timed, x = uncapped
-    cap = caps(s, q, d1, np.sqrt(x))
-    if np.all(x <= cap):
+    dq_start = np.zeros(q.shape[1]) if velocity_start is None else np.asarray(velocity_start, dtype=np.float64)
+    path, bounds = (s, q, d1, d2, d2_before), (limits.velocity, limits.acceleration)
+    unbounded = np.full(len(s), np.inf)
+    timed, speed = _fastest(*path, *bounds, unbounded, dq_start)
+    if timed is None or caps is None:
+        return timed
+    cap = caps(s, q, d1, speed)
+    if (speed * speed <= cap).all():
         return timed
     # To get out of a way that is blocked counts more than to be slow: a motion that caps make impossible is timed without.
-    capped = _time_capped(*samples, cap)
-    return timed if capped is None else capped[0]
+    capped, _ = _fastest(*path, *bounds, cap, dq_start)
+    return capped or timed
 
 
-def _time_capped(
-    s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, limits: Limits, velocity_start: F64 | None, cap: F64
-) -> tuple[Timed, F64] | None:
-    """The motion, and (N,) the (ds/dt)^2 that none under a lower ``cap`` exceeds."""
-    dq_start = np.zeros(q.shape[1]) if velocity_start is None else np.asarray(velocity_start, dtype=np.float64)
-    speed = float(dq_start @ d1[0]) / max(float(d1[0] @ d1[0]), 1e-12)
-    (x, upper, time), dq, astray_rad = np.empty((3, len(s))), np.empty_like(q), np.empty(q.shape[1])
-    path, bounds = (s, q, d1, d2, d2_before), (limits.velocity, limits.acceleration, cap)
-    k = fastest_within(*path, *bounds, speed, dq_start, TIGHTEN, x, upper, time, dq)
+def _fastest(
+    s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, velocity: F64, acceleration: F64, cap: F64, dq_start: F64
+) -> tuple[Timed | None, F64]:
+    """The motion, None if there is none, and (N,) the ds/dt that none under a lower ``cap`` exceeds."""
+    (speed, upper, time), dq, astray_rad = np.empty((3, len(s))), np.empty_like(q), np.empty(q.shape[1])
+    path, bounds = (s, q, d1, d2, d2_before), (velocity, acceleration, cap)
+    k = fastest_within(*path, *bounds, dq_start, TIGHTEN, speed, upper, time, dq, astray_rad)
     if k in (CANNOT_ENTER, len(TIGHTEN)):
-        return None
-    astray(s, x, time, d2, astray_rad)
-    return Timed(JointTrajectory(time, q, dq), astray_rad), x / TIGHTEN[k] ** 2  # another one may get along with less tightening
+        return None, speed
+    return Timed(JointTrajectory(time, q, dq), astray_rad), speed
 
 
 def limit_ratio(trajectory: JointTrajectory, limits: Limits) -> float:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,6 +36,7 @@ def cells_of(grid: Grid, cells: I32) -> Cells:
     return arranged
 
 
+@cache
 def no_cells(grid: Grid) -> Cells:
     """An empty world."""
     return cells_of(grid, np.empty(0, dtype=np.int32))
@@ -52,7 +54,7 @@ class World:
     @staticmethod
     def of(grid: Grid, counts: BlockedCounts, recent: I32 | None = None) -> World:
         """The world that ``counts`` were last set to; ``recent`` (n,) flat cells that just appeared."""
-        return World(grid, counts, cells_of(grid, counts.cells), cells_of(grid, np.empty(0, dtype=np.int32) if recent is None else recent))
+        return World(grid, counts, cells_of(grid, counts.cells), no_cells(grid) if recent is None else cells_of(grid, recent))
 
     def frozen(self) -> World:
         """A copy that does not change with the live counts."""

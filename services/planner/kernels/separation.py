@@ -13,7 +13,7 @@ import numpy as np
 from common.kernel import kernel, leaf
 from common.robot.body_distance import to_world
 from common.robot.kernels import forward_kinematics, to_joint_frame
-from services.planner.kernels.cells import BLOCK
+from services.planner.kernels.cells import BLOCK, GROUP
 from services.planner.kernels.collision import ROOT3
 from services.planner.kernels.reach import look_far, reach_grid
 
@@ -50,37 +50,59 @@ def allowed_speed(law, separation_m):  # type: ignore[no-untyped-def]
 def body_separation(arm, reach, cells, b, turn, shift, enough_m):  # type: ignore[no-untyped-def]
     """Lower bound in metres of the distance of body ``b`` to all cells, at most ``enough_m``; ``turn``, ``shift``: its frame.
 
-    Within ``reach`` by its grid, to each cell's ball; beyond by the spheres that contain the body.
+    Within ``reach`` by its grid, to each cell's ball; beyond by the spheres that contain the body. The nearest block is looked into first:
+    most others cannot be nearer then.
     """
-    grids, centre, block, ball_m = arm.grids, cells.centre_m, cells.block_m, cells.half_m * ROOT3
-    distance, grid = reach.distance, reach_grid(reach, b)
+    grids, group, block = arm.grids, cells.group_m, cells.block_m
     bx, by, bz = to_world(turn, shift, grids.bound_centre_m, b)
-    around = grids.bound_radius_m[b] + ball_m
-    nearest, best, least = 0, enough_m, np.inf
-    for k in range(len(block)):
-        dx, dy, dz = block[k, 0] - bx, block[k, 1] - by, block[k, 2] - bz
-        apart = math.sqrt(dx * dx + dy * dy + dz * dz) - block[k, 3]
+    around = grids.bound_radius_m[b] + cells.half_m * ROOT3
+    g = _nearest_sphere(group, 0, len(group), bx, by, bz)
+    nearest = _nearest_sphere(block, g * GROUP, min((g + 1) * GROUP, len(block)), bx, by, bz)
+    best = _to_block(arm, reach, cells, b, nearest, turn, shift, enough_m)
+    for g in range(len(group)):
+        if _is_beyond(group, g, bx, by, bz, best + around):
+            continue
+        for k in range(g * GROUP, min((g + 1) * GROUP, len(block))):
+            if k != nearest and not _is_beyond(block, k, bx, by, bz, best + around):
+                best = _to_block(arm, reach, cells, b, k, turn, shift, best)
+    return best
+
+
+@leaf
+def _is_beyond(spheres_m, k, x, y, z, reach_m):  # type: ignore[no-untyped-def]
+    """Whether nothing in a sphere is within ``reach_m`` of a point."""
+    dx, dy, dz, within = spheres_m[k, 0] - x, spheres_m[k, 1] - y, spheres_m[k, 2] - z, reach_m + spheres_m[k, 3]
+    return dx * dx + dy * dy + dz * dz >= within * within
+
+
+@leaf
+def _nearest_sphere(spheres_m, first, last, x, y, z):  # type: ignore[no-untyped-def]
+    """Which of the spheres ``first`` to ``last`` (not included) is nearest to a point."""
+    nearest, least = first, np.inf
+    for k in range(first, last):
+        dx, dy, dz = spheres_m[k, 0] - x, spheres_m[k, 1] - y, spheres_m[k, 2] - z
+        apart = math.sqrt(dx * dx + dy * dy + dz * dz) - spheres_m[k, 3]
         if apart < least:
             nearest, least = k, apart
-    for step in range(len(block)):
-        k = nearest if step == 0 else (0 if step == nearest else step)  # the nearest first: most others cannot be nearer then
-        dx, dy, dz = block[k, 0] - bx, block[k, 1] - by, block[k, 2] - bz
-        within = best + block[k, 3] + around
-        if dx * dx + dy * dy + dz * dz >= within * within:
+    return nearest
+
+
+@leaf
+def _to_block(arm, reach, cells, b, k, turn, shift, enough_m):  # type: ignore[no-untyped-def]
+    """:func:`body_separation` of the cells of block ``k`` alone."""
+    grids, centre, ball_m, best = arm.grids, cells.centre_m, cells.half_m * ROOT3, enough_m
+    distance, grid = reach.distance, reach_grid(reach, b)
+    for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
+        cx, cy, cz = to_world(turn, shift, grids.part_m, p)
+        radius = grids.part_m[p, 3] + ball_m
+        if _is_beyond(cells.block_m, k, cx, cy, cz, best + radius):
             continue
-        for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
-            cx, cy, cz = to_world(turn, shift, grids.part_m, p)
-            radius = grids.part_m[p, 3] + ball_m
-            dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
-            within = best + block[k, 3] + radius
-            if dx * dx + dy * dy + dz * dz >= within * within:
-                continue
-            for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
-                dx, dy, dz = centre[i, 0] - cx, centre[i, 1] - cy, centre[i, 2] - cz
-                apart2, within = dx * dx + dy * dy + dz * dz, best + radius
-                if apart2 < within * within:
-                    x, y, z = to_joint_frame(turn, shift, centre[i, 0], centre[i, 1], centre[i, 2])
-                    best = min(best, max(math.sqrt(apart2) - radius, look_far(distance, grid, x, y, z) - ball_m))
+        for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
+            dx, dy, dz = centre[i, 0] - cx, centre[i, 1] - cy, centre[i, 2] - cz
+            apart2, within = dx * dx + dy * dy + dz * dz, best + radius
+            if apart2 < within * within:
+                x, y, z = to_joint_frame(turn, shift, centre[i, 0], centre[i, 1], centre[i, 2])
+                best = min(best, max(math.sqrt(apart2) - radius, look_far(distance, grid, x, y, z) - ball_m))
     return best
 
 

@@ -2,10 +2,22 @@
 
 from __future__ import annotations
 
-from common.kernel import kernel
+from common.kernel import kernel, leaf
 from services.planner.kernels.way import line_between_is_free, new_rooms
 
-__all__ = ["cut_corners"]
+__all__ = ["cut_corners", "has_repeats"]
+
+
+@leaf
+def has_repeats(path, least_rad):  # type: ignore[no-untyped-def]
+    """Whether a piece of ``path`` (P, J) is no longer than ``least_rad``."""
+    for k in range(len(path) - 1):
+        d2 = 0.0
+        for j in range(path.shape[1]):
+            d2 += (path[k + 1, j] - path[k, j]) ** 2
+        if d2 <= least_rad * least_rad:
+            return True
+    return False
 
 
 @kernel

@@ -130,34 +130,43 @@ def fastest_profile(s, d1, d2, d2_before, velocity, acceleration, cap, speed_sta
 
 @kernel
 def fastest_within(  # type: ignore[no-untyped-def]
-    s, q, d1, d2, d2_before, velocity, acceleration, cap, speed_start, dq_start, factors, x, upper, time, dq
+    s, q, d1, d2, d2_before, velocity, acceleration, cap, dq_start, factors, speed, upper, time, dq, astray_rad
 ):
     """:func:`fastest_profile` at the first of ``factors`` at which the Hermite curve through the samples keeps the limits between them too.
 
     Args:
-        q: (N, J) points of the path. dq_start: (J,) velocity at the first.
+        q: (N, J) points of the path. dq_start: (J,) velocity at the first, along the path.
         factors: (F,) of the acceleration limits, falling.
-        dq: (N, J) out: velocities at the samples.
+        speed: (N,) out: ds/dt that no motion under a lower ``cap`` exceeds; it may get along with less tightening.
+        upper: (N,) scratch. time: (N,) out. dq: (N, J) out: velocities at the samples.
+        astray_rad: (J,) out, of :func:`astray`.
 
     Returns:
         Index of the factor; F: none is small enough; ``CANNOT_ENTER``.
     """
-    n_joints = len(velocity)
+    n_joints, x = len(velocity), speed
     fastest, hardest = np.empty(n_joints), np.empty(n_joints)
+    along, length2 = 0.0, 0.0
+    for j in range(n_joints):
+        along, length2 = along + dq_start[j] * d1[0, j], length2 + d1[0, j] * d1[0, j]
+    speed_start = along / max(length2, TINY)
     for f in range(len(factors)):
         slower, softer = velocity * max(factors[f], LEAST_SPEED_SHARE), acceleration * factors[f]
         if not fastest_profile(s, d1, d2, d2_before, slower, softer, cap, speed_start, x, upper, time):
             return CANNOT_ENTER
         dq[0] = dq_start
         for i in range(1, len(s)):
-            speed = math.sqrt(x[i])
+            here = math.sqrt(x[i])
             for j in range(n_joints):
-                dq[i, j] = d1[i, j] * speed
+                dq[i, j] = d1[i, j] * here
         hermite_rates(time, q, dq, fastest, hardest)
         kept = True
         for j in range(n_joints):
             kept = kept and max(fastest[j] / velocity[j], hardest[j] / acceleration[j]) <= 1.0 + ROUNDING
         if kept:
+            astray(s, x, time, d2, astray_rad)
+            for i in range(len(s)):
+                speed[i] = math.sqrt(x[i]) / factors[f]
             return f
     return len(factors)
 

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from common.robot.trajectory import JointTrajectory
+from services.planner.core.find import Pieces
 from services.planner.core.timing import Limits, limit_ratio, time_blends, time_polyline
 from services.planner.core.world import cells_of
 from services.planner.kernels.blends import sample_blends, sample_count
@@ -151,6 +152,16 @@ def test_a_start_in_motion_is_kept_or_refused():
     timed = _timed(path, reach, 0.2 * unit)
     assert np.allclose(timed.dq_rad_s[0], 0.2 * unit)
     assert time_blends(path, reach, LIMITS, 20.0 * unit) is None
+
+
+@pytest.mark.parametrize("at", [[0.0, 1.0, 2.0], [0.0, 0.0, 1.0], [0.0, 1.0, 1.0], [0.0, 1.0, 1.0, 1.0, 2.0], [0.0]])
+def test_pieces_without_length_are_left_out_with_what_is_known_of_them(at):
+    q = np.outer(at, np.ones(6))
+    n = len(q) - 1
+    pieces = Pieces(q, np.arange(n, dtype=np.uint8), np.arange(n)).without_repeats(1e-6)
+    np.testing.assert_array_equal(pieces.q_rad[:, 0], sorted(set(at)))
+    lasts = [k for k in range(n) if at[k + 1] > at[k]]
+    assert pieces.origin.tolist() == pieces.proven.tolist() == lasts
 
 
 @pytest.mark.parametrize("n_checks", [0, 3, 10, 40])
