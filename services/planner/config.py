@@ -148,7 +148,8 @@ class FallbackConfig(Strict, frozen=True):
     # Samples of each search; 5 to 8 s where there is no way. Measured, of one search, 10 generators each: the narrowest of 462 questions
     # needs 11 000 to 81 000, the next ones 5 000 to 34 000.
     iterations: Annotated[int, Meta(ge=1, le=10_000_000)] = 120_000
-    # Side by side, with so many samples each, and each on a core of its own while no one else wants it. Two: as a small laptop has.
+    # Side by side, with so many samples each, and each on a core of its own while no one else wants it; every second knows the map.
+    # Two: as a small laptop has.
     searches: Annotated[int, Meta(ge=1, le=MOST_SEARCHES)] = 2
 
 

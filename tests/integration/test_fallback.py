@@ -16,10 +16,13 @@ import pytest
 
 from common.robot.payload import Payload
 from services.planner.config import MarginsConfig
+from services.planner.core.neuron_index import index_neurons
+from services.planner.core.two_trees import Known
 from services.planner.core.ways import SamplingAnswer, SamplingQuestion
 from services.planner.core.world import cells_of
 from services.planner.fallback import process as module
 from services.planner.fallback.process import FallbackProcess
+from services.planner.kernels.connect import Graph
 from services.planner.offline.scene import Scene
 from tests.support.cell import ur3_cell
 from tests.support.eventually import eventually
@@ -71,6 +74,26 @@ def test_equal_questions_equal_answers_also_over_a_death_in_mid_question() -> No
     last = one.pid
     one.close()
     assert last is not None and not _is_there(last)
+
+
+def test_every_second_search_knows_the_map() -> None:
+    """Without a sample only a map that leads there can answer."""
+    neurons, near = np.array([HERE + 0.05, THERE + 0.05]), np.array([1, 0], dtype=np.int32)
+    far = np.full(2, np.linalg.norm(neurons[1] - neurons[0]))
+    graph = Graph(neurons, np.arange(3), near, np.zeros(2, dtype=np.int32), far, index_neurons(neurons))
+    known = Known(graph, np.zeros(2, dtype=np.int32), np.zeros(1, dtype=np.int32))
+    one, bare = _process(), replace(EASY, max_iterations=0)
+    asked = {
+        "bare": bare,
+        "alone": replace(bare, known=known, n_searches=1),
+        "second": replace(bare, known=known),
+        "blocked": replace(bare, known=known._replace(node_count=np.ones(2, dtype=np.int32))),
+        "again": replace(bare, known=known),
+    }
+    answers = {name: one.send(question).wait().q_rad for name, question in asked.items()}
+    one.close()
+    assert [name for name, q_rad in answers.items() if q_rad is not None] == ["second", "again"]
+    np.testing.assert_array_equal(answers["second"], answers["again"])
 
 
 def test_it_reckons_with_what_the_gripper_holds() -> None:

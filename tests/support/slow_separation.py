@@ -7,10 +7,12 @@ from scipy.optimize import brentq
 
 from services.planner.kernels.cells import Cells
 from services.planner.kernels.collision import Arm
+from services.planner.kernels.reach import Reach
 from services.planner.kernels.separation import SpeedLaw
 from services.planner.kernels.static_layer import Solids, solid_distance
+from tests.support.slow_layers import slow_far
 
-__all__ = ["slow_allowed_speed", "slow_clearance"]
+__all__ = ["slow_allowed_speed", "slow_body_separation", "slow_clearance"]
 
 
 def slow_clearance(arm: Arm, solids: Solids, cells: Cells, frames: np.ndarray) -> float:
@@ -28,6 +30,22 @@ def slow_clearance(arm: Arm, solids: Solids, cells: Cells, frames: np.ndarray) -
             far = [solid_distance(solids.kind, solids.size_m, solids.rotation, solids.translation, s, *c) for c in centres]
             gaps.append((np.array(far) - spheres[:, 3]).min())
     return max(0.0, min(gaps, default=np.inf))
+
+
+def slow_body_separation(arm: Arm, reach: Reach, cells: Cells, b: int, frame: np.ndarray, enough_m: float) -> tuple[float, float]:
+    """Every cell's ball against every part of the body, by the part's sphere and by the grid that reaches beyond; no block, no group.
+
+    And the same if the sphere about the whole body counts too: the parts' spheres stick out of it a little, so it may know better.
+    """
+    grids, ball_m, least_m, most_m = arm.grids, cells.half_m * np.sqrt(3.0), enough_m, enough_m
+    in_body = (cells.centre_m - frame[:3, 3]) @ frame[:3, :3]
+    far_m = np.array([slow_far(reach, b, point) for point in in_body]) - ball_m
+    to_bound_m = np.linalg.norm(in_body - grids.bound_centre_m[b], axis=1) - grids.bound_radius_m[b] - ball_m
+    for part in grids.part_m[grids.part_offset[b] : grids.part_offset[b + 1]]:
+        to_part_m = np.maximum(np.linalg.norm(in_body - part[:3], axis=1) - part[3] - ball_m, far_m)
+        least_m = min(least_m, float(to_part_m.min()))
+        most_m = min(most_m, float(np.maximum(to_part_m, to_bound_m).min()))
+    return least_m, most_m
 
 
 def slow_allowed_speed(law: SpeedLaw, separation_m: float) -> float:

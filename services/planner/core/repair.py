@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from services.planner.core.check import Checker
 from services.planner.core.find import PathFinder
 from services.planner.core.found import NO_NEURON, FoundPath
-from services.planner.core.two_trees import FINER, Bounds, Joined, TwoTrees
+from services.planner.core.map_search import MapSearch
+from services.planner.core.two_trees import FINER, Bounds, Joined, Known
 from services.planner.core.world import World
 from services.planner.kernels.cells import Cells
 from services.planner.kernels.shorten import cut_corners
@@ -20,7 +21,6 @@ I32 = NDArray[np.int32]
 U64 = NDArray[np.uint64]
 PIECE_RAD = 0.25  # a path is cut into such pieces, so that corners can be cut anywhere; our choice
 CUTS, ROUNDS = 120, 2  # straight segments tried a round; our choice
-MAX_BANS = 40  # map edges that a closer look finds blocked, until the search is given up; our choice
 
 
 def tightened(checker: Checker, cells: Cells, joined: Joined) -> Joined:
@@ -65,45 +65,28 @@ class Repair:
         self, finder: PathFinder, world: World, q_start: F64, q_goals: F64, joint_range: tuple[F64, F64], rng: U64, bounds: Bounds
     ) -> None:
         self._finder, self._world = finder, world
-        self._ends, self._joint_range = (q_start, q_goals), joint_range
-        self._rng, self._bounds = rng, bounds
-        self._edge_count = world.counts.edge.copy()
-        self._iterations_before = 0
-        self._bans = 0
+        known = Known(finder.roadmap.graph, world.counts.node, world.counts.edge)
+        self._search = MapSearch(finder.checker, world.cells, known, q_start, q_goals, joint_range, rng, bounds)
         self._joined: Joined | None = None
         self._rounds = 0
-        self._trees = self._begin()
-
-    def _begin(self) -> TwoTrees:
-        known = (self._finder.roadmap.graph, self._world.counts.node, self._edge_count)
-        return TwoTrees(self._finder.checker, self._world.cells, known, *self._ends, self._joint_range, self._rng, self._bounds)
 
     @property
     def iterations(self) -> int:
         """Samples so far."""
-        return self._iterations_before + self._trees.iterations
+        return self._search.iterations
 
     def advance(self) -> FoundPath | bool:
-        """One slice: a path, True while there is hope, False if there is none.
-
-        The path's pieces of the map are looked at as closely as the rest of it: one that is blocked after all is banned, and the search
-        begins again without it.
-        """
+        """One slice: a path, True while there is hope, False if there is none."""
         if self._joined is not None:
             return self._go_on(self._joined)
-        if not self._trees.advance():
+        if not self._search.advance():
             return True
-        joined = self._trees.found()
-        if joined is None:
-            return False
-        if self._ban_blocked(joined):
-            return self.again()
-        self._joined, self._rounds = joined, 0
-        return True
+        self._joined, self._rounds = self._search.found(), 0
+        return self._joined is not None
 
     def _go_on(self, joined: Joined) -> FoundPath | bool:
         """With a way that was found: corners cut, a round a slice."""
-        is_map = self._is_of_the_map(joined)
+        is_map = self._search.is_of_the_map(joined)
         if not is_map and self._rounds < ROUNDS:
             self._joined, self._rounds = _corners_cut(self._finder.checker, self._world.cells, joined), self._rounds + 1
             return True
@@ -111,42 +94,10 @@ class Repair:
 
     def again(self) -> bool:
         """Begin again with what is left of the bounds, on other samples; False: nothing is left."""
-        self._bans += 1
-        self._iterations_before += self._trees.iterations
-        self._bounds = self._bounds.less(self._trees.iterations)
-        self._trees, self._joined = self._begin(), None
-        return self._bans <= MAX_BANS
+        self._joined = None
+        return self._search.again()
 
     def ban(self, found: FoundPath, piece: int) -> bool:
         """Never again use the map's edge from ``found.q_rad[piece]`` to the next point, if it is one; :meth:`again`."""
-        edge = self._edge_of(found.neurons, piece)
-        if edge is not None:
-            self._edge_count[edge] += 1
+        self._search.ban(found.neurons, piece)
         return self.again()
-
-    def _ban_blocked(self, joined: Joined) -> bool:
-        checker, q = self._finder.checker, joined.q_rad
-        blocked = False
-        for piece in range(1, len(joined.neurons)):
-            edge = self._edge_of(joined.neurons, piece)
-            if edge is not None and not checker.segment(self._world.cells, q[piece], q[piece + 1]):
-                self._edge_count[edge] += 1
-                blocked = True
-        return blocked
-
-    def _edge_of(self, neurons: I32, piece: int) -> int | None:
-        """The map's edge that a piece is: from the point before neuron ``piece`` of the way to it."""
-        if not 0 < piece < len(neurons) or NO_NEURON in (neurons[piece - 1], neurons[piece]):
-            return None
-        try:
-            return self._finder.roadmap.edge_between(int(neurons[piece - 1]), int(neurons[piece]))
-        except KeyError:  # a straight way between two neurons that the search found
-            return None
-
-    def _is_of_the_map(self, joined: Joined) -> bool:
-        """Whether the way uses the map's neurons and edges alone."""
-        return (
-            len(joined.neurons) > 0
-            and all(self._edge_of(joined.neurons, piece) is not None for piece in range(1, len(joined.neurons)))
-            and NO_NEURON not in joined.neurons
-        )

@@ -15,11 +15,24 @@ from services.planner.core.neuron_index import index_neurons
 from services.planner.kernels.connect import Graph
 from services.planner.kernels.neuron_index import NeuronIndex
 
-__all__ = ["Roadmap"]
+__all__ = ["Roadmap", "edge_between"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 I64 = NDArray[np.int64]
+
+
+def edge_between(graph: Graph, a: int, b: int) -> int:
+    """Index of the edge between two neurons.
+
+    Raises:
+        KeyError: there is none.
+    """
+    row = slice(graph.adj_offset[a], graph.adj_offset[a + 1])
+    found = np.flatnonzero(graph.adj_node[row] == b)
+    if len(found) == 0:
+        raise KeyError(f"no edge between neurons {a} and {b}")
+    return int(graph.adj_edge[row][found[0]])
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,11 +99,7 @@ class Roadmap:
         Raises:
             KeyError: there is none.
         """
-        row = slice(self.adj_offset[a], self.adj_offset[a + 1])
-        found = np.flatnonzero(self.adj_node[row] == b)
-        if len(found) == 0:
-            raise KeyError(f"no edge between neurons {a} and {b}")
-        return int(self.adj_edge[row][found[0]])
+        return edge_between(self.graph, a, b)
 
     @property
     def has_learned(self) -> bool:

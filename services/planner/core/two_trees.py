@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from services.planner.kernels.cells import Cells
 from services.planner.kernels.connect import Graph
 from services.planner.kernels.way import new_rooms
 
-__all__ = ["FINER", "Bounds", "Joined", "TwoTrees", "no_map", "seed_of"]
+__all__ = ["FINER", "Bounds", "Joined", "Known", "TwoTrees", "no_map", "seed_of"]
 
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
@@ -46,10 +47,18 @@ class Joined:
     neurons: I32
 
 
-def no_map(n_joints: int) -> tuple[Graph, I32, I32]:
-    """The map that knows nothing: graph, blocked neurons, blocked edges."""
+class Known(NamedTuple):
+    """What a search knows of its world beforehand: a map, and what of it is blocked (above zero)."""
+
+    graph: Graph
+    node_count: I32  # (N,)
+    edge_count: I32  # (M,)
+
+
+def no_map(n_joints: int) -> Known:
+    """The map that knows nothing."""
     none, nobody = np.empty(0, dtype=np.int32), np.empty((0, n_joints))
-    return Graph(nobody, np.zeros(1, dtype=np.int64), none, none, np.empty(0), index_neurons(nobody)), none, none
+    return Known(Graph(nobody, np.zeros(1, dtype=np.int64), none, none, np.empty(0), index_neurons(nobody)), none, none)
 
 
 def seed_of(*parts: NDArray[np.generic]) -> U64:
@@ -67,7 +76,7 @@ class TwoTrees:
     Args:
         checker: the one check.
         cells: occupied.
-        known: graph, blocked neurons (N,) and blocked edges (M,) of a map; see :func:`no_map`.
+        known: a map, or :func:`no_map`.
         q_start: (J,) rad. q_goals: (G, J) rad; all free.
         joint_range: (J,) least and largest joint angles.
         rng: (4,) state of the generator, advanced here.
@@ -75,7 +84,7 @@ class TwoTrees:
     """
 
     def __init__(
-        self, checker: Checker, cells: Cells, known: tuple[Graph, I32, I32], q_start: F64, q_goals: F64, joint_range: tuple[F64, F64],
+        self, checker: Checker, cells: Cells, known: Known, q_start: F64, q_goals: F64, joint_range: tuple[F64, F64],
         rng: U64, bounds: Bounds,
     ) -> None:  # fmt: skip
         graph, node_count, edge_count = known

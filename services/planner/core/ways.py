@@ -18,7 +18,7 @@ from services.planner.config import PlannerConfig
 from services.planner.core.found import NO_NEURON, FoundPath, NotFound, Way
 from services.planner.core.motion import Ask, Motion, MotionPlanner, Stopwatch
 from services.planner.core.repair import Repair
-from services.planner.core.two_trees import Bounds, seed_of
+from services.planner.core.two_trees import Bounds, Known, seed_of
 from services.planner.core.world import World
 from services.planner.kernels.collision import FREE
 
@@ -50,7 +50,10 @@ class ThinkingRules:
 
 @dataclass(frozen=True, eq=False)
 class SamplingQuestion:
-    """For the fallback: start (J,) and goals (G, J) rad, cells (C,), the generator's state (4,), samples at most of each search."""
+    """For the fallback: start (J,) and goals (G, J) rad, cells (C,), the generator's state (4,), samples at most of each search.
+
+    ``known``: the map, with what the cells block of it, for every second search; without it all are in the bare joint space.
+    """
 
     q_start_rad: F64
     q_goals_rad: F64
@@ -58,6 +61,7 @@ class SamplingQuestion:
     seed: U64
     max_iterations: int
     n_searches: int = 1
+    known: Known | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,8 +188,10 @@ class Thinking:
         self._is_asked = True
         tries = self._tries if self.way == "fallback" else 0
         seed = seed_of(self._seed, np.array([tries]))  # other samples than those of repair, and others each time
-        bounds = self._rules.fallback_iterations, self._rules.fallback_searches
-        self.wanted = SamplingQuestion(self._ask.q_start, self._q_goals, self.world.counts.cells, seed, *bounds)
+        rules, counts = self._rules, self.world.counts
+        known = Known(self._planner.finder.roadmap.graph, counts.node, counts.edge)
+        ends = (self._ask.q_start, self._q_goals)
+        self.wanted = SamplingQuestion(*ends, counts.cells, seed, rules.fallback_iterations, rules.fallback_searches, known)
 
     def _nothing(self) -> NotFound:
         return NotFound("no_path", "; ".join(self._why))

@@ -9,6 +9,7 @@ import msgspec
 
 from common.cell import CellConfig
 from services.planner.config import MarginsConfig
+from services.planner.fallback.carried_map import CarriedMap
 
 __all__ = ["Alive", "Answer", "Asked", "Held", "Ready", "Setting", "Withdrawn", "read_frame", "write_frame"]
 
@@ -45,7 +46,8 @@ class Held(msgspec.Struct, frozen=True):
 class Asked(_Frame, frozen=True, tag=True):
     """A question: start (J,) and goals (G, J) in rad, occupied cells as little-endian int32, state of the generator.
 
-    ``max_iterations``: samples at most of each of ``n_searches`` searches. ``held``: what the gripper holds.
+    ``max_iterations``: samples at most of each of ``n_searches`` searches. ``held``: what the gripper holds. ``known``: the map, for
+    every second search.
     """
 
     id: int
@@ -56,6 +58,7 @@ class Asked(_Frame, frozen=True, tag=True):
     max_iterations: int
     n_searches: int = 1
     held: Held | None = None
+    known: CarriedMap | None = None
 
 
 class Withdrawn(_Frame, frozen=True, tag=True):

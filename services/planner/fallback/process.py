@@ -26,6 +26,7 @@ from common.cell import CellConfig
 from common.robot.payload import Payload
 from services.planner.config import MarginsConfig
 from services.planner.core.ways import Sampler, SamplingAnswer, SamplingQuestion
+from services.planner.fallback.carried_map import pack
 from services.planner.fallback.frames import Answer, Asked, Held, Ready, Setting, Withdrawn, read_frame, write_frame
 
 __all__ = ["FallbackProcess", "Sent"]
@@ -91,7 +92,7 @@ class FallbackProcess:
             number = self._n_asked
             self._pending[number] = _Pending(question, on_answer, time.monotonic(), held)
             if self._ready.is_set():
-                self._out.put(_asked(number, question, held))
+                self._out.put(partial(_asked, number, question, held))
         return number
 
     def send(self, question: SamplingQuestion, held: Payload | None = None) -> Sent:
@@ -168,7 +169,7 @@ class FallbackProcess:
                 self._ready.set()
                 for number, pending in self._pending.items():
                     pending.since_s = time.monotonic()
-                    self._out.put(_asked(number, pending.question, pending.held))
+                    self._out.put(partial(_asked, number, pending.question, pending.held))
         elif isinstance(frame, Answer):
             with self._lock:
                 pending_ = self._pending.pop(frame.id, None)
@@ -239,7 +240,7 @@ class Sent:
 def _write_all(pipe: Any, out: queue.SimpleQueue[Any]) -> None:
     with suppress(OSError, ValueError):
         while (frame := out.get()) is not None:
-            write_frame(pipe, frame)
+            write_frame(pipe, frame() if callable(frame) else frame)  # a map is packed here, where nobody waits for it
     with suppress(OSError):
         pipe.close()
 
@@ -255,4 +256,5 @@ def _asked(number: int, question: SamplingQuestion, held: Payload | None) -> Ask
         question.max_iterations,
         question.n_searches,
         None if held is None else Held(held.size_m, held.position_m, held.quaternion_xyzw),
+        None if question.known is None else pack(question.known),
     )

@@ -1,5 +1,7 @@
 """The fallback's own process (``python -m services.planner.fallback.worker``): RRTConnect in the whole joint space, question by question.
 
+Beside it searches a second one that knows the map, as repair does, where the question brings one along.
+
 It lives as long as the pipe from the planner: when that closes, however the planner ended, it is gone at once. Questions take turns,
 slice by slice, so that a long one holds up nobody. Its searches may take several cores, and yield them to whoever drives the arm.
 """
@@ -21,10 +23,12 @@ import numpy as np
 from common.robot.payload import Payload
 from services.planner.config import MOST_SEARCHES
 from services.planner.core.check import Checker
+from services.planner.core.map_search import MapSearch
 from services.planner.core.or_parallel import OrParallel
 from services.planner.core.repair import tightened
 from services.planner.core.two_trees import Bounds, Joined, TwoTrees, no_map, seed_of
 from services.planner.core.world import cells_of, no_cells
+from services.planner.fallback.carried_map import unpack
 from services.planner.fallback.frames import Alive, Answer, Asked, Held, Ready, Setting, Withdrawn, read_frame, write_frame
 from services.planner.kernels.cells import Cells
 from services.planner.offline.scene import Scene
@@ -55,15 +59,30 @@ class Turns:
         if isinstance(frame, Withdrawn):
             self._searches.pop(frame.id, None)
             return
-        robot = self._scene.robot
         cells = cells_of(self._scene.grid, np.frombuffer(frame.cells, dtype="<i4").astype(np.int32))
         checker = self._checker(frame.held)
-        question = (no_map(robot.n_joints), np.array(frame.q_start_rad), np.array(frame.q_goals_rad))
+        self._searches[frame.id] = (OrParallel(self._side_by_side(frame, checker, cells), self._pool), checker, cells, 0.0)
+
+    def _side_by_side(self, frame: Asked, checker: Checker, cells: Cells) -> list[TwoTrees | MapSearch]:
+        """RRTConnect in the bare joint space and, in turn with it, searches that know the map.
+
+        Which of them is quicker differs from question to question. Measured, samples at the median of 10 generators, bare and with the map:
+        38 000 and 26 000, 10 000 and 16 000, 9 500 and 4 000, 24 000 and 1 900, 10 000 and 8 700.
+        """
+        robot = self._scene.robot
+        ends = (np.array(frame.q_start_rad), np.array(frame.q_goals_rad))
         joint_range = (robot.position_min_rad, robot.position_max_rad)
         seed, bounds = np.array(frame.seed, dtype=np.uint64), Bounds(frame.max_iterations, slice_iterations=SLICE_ITERATIONS)
-        seeds = [seed, *(seed_of(seed, np.array([k])) for k in range(1, frame.n_searches))]
-        searches = [TwoTrees(checker, cells, *question, joint_range, one, bounds) for one in seeds]
-        self._searches[frame.id] = (OrParallel(searches, self._pool), checker, cells, 0.0)
+        nothing = no_map(robot.n_joints)
+        known = None if frame.known is None else unpack(frame.known, robot.n_joints)
+        searches: list[TwoTrees | MapSearch] = []
+        for k in range(frame.n_searches):
+            rng = seed if k == 0 else seed_of(seed, np.array([k]))
+            if known is None or k % 2 == 0:
+                searches.append(TwoTrees(checker, cells, nothing, *ends, joint_range, rng, bounds))
+            else:
+                searches.append(MapSearch(checker, cells, known, *ends, joint_range, rng, bounds))
+        return searches
 
     def _checker(self, held: Held | None) -> Checker:
         """For an arm that holds a box, or nothing; the last ones are kept."""

@@ -37,7 +37,7 @@ from services.planner.core.learning import LearningRules, learn
 from services.planner.core.lookup import N_THREADS, BlockedCounts, LookupTable
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.route import Route
-from services.planner.core.two_trees import Bounds, Joined, TwoTrees, seed_of
+from services.planner.core.two_trees import Bounds, Joined, Known, TwoTrees, seed_of
 from services.planner.core.world import World, no_cells
 from services.planner.kernels.connect import NO_WAY
 from services.planner.offline.exercises import Exercise, Exercises
@@ -168,7 +168,7 @@ class _Desk:
         robot, goals, counts = self._scene.robot, exercise.q_goal[None], world.counts
         joint_range = (robot.position_min_rad, robot.position_max_rad)
         state = seed_of(counts.cells, exercise.q_start, goals)
-        known = (roadmap.graph, counts.node, counts.edge)
+        known = Known(roadmap.graph, counts.node, counts.edge)
         bounds = Bounds(self._config.practice.iterations, connections=self._config.repair.connections)
         search = TwoTrees(self._checker, world.cells, known, exercise.q_start, goals, joint_range, state, bounds)
         while not search.advance():

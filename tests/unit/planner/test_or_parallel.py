@@ -7,8 +7,9 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
+from services.planner.core.map_search import MapSearch
 from services.planner.core.or_parallel import OrParallel
-from services.planner.core.two_trees import Bounds, TwoTrees, no_map, seed_of
+from services.planner.core.two_trees import Bounds, Known, TwoTrees, no_map, seed_of
 
 RANGE = (np.full(6, -np.pi), np.full(6, np.pi))
 
@@ -17,7 +18,11 @@ def _searches(cut, pair, iterations=2_000):
     finder, world, (start, goal) = cut[0], cut[1], pair
     bounds = Bounds(iterations, slice_iterations=5, nodes=4_000)
     seeds = [seed_of(start, goal, np.array([k])) for k in range(3)]
-    return [TwoTrees(finder.checker, world.cells, no_map(6), start, goal[None], RANGE, seed, bounds) for seed in seeds]
+    ends = (start, goal[None], RANGE)
+    searches = [TwoTrees(finder.checker, world.cells, no_map(6), *ends, seed, bounds) for seed in seeds]
+    known = Known(finder.roadmap.graph, np.ones_like(world.counts.node), world.counts.edge)  # all blocked: more luck than knowledge
+    searches[1] = MapSearch(finder.checker, world.cells, known, *ends, seeds[1], bounds)
+    return searches
 
 
 def _rounds(search):

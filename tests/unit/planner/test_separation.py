@@ -13,14 +13,15 @@ from services.planner.core.lookup import BlockedCounts, LookupTable
 from services.planner.core.separation import Separation
 from services.planner.core.timing import Limits, limit_ratio, time_blends, time_polyline
 from services.planner.core.world import World, cells_of
+from services.planner.kernels.cells import BLOCK, GROUP
 from services.planner.kernels.reach import look_far, reach_grid, reach_of
-from services.planner.kernels.separation import SpeedLaw, allowed_speed, needed_separation
+from services.planner.kernels.separation import SpeedLaw, allowed_speed, body_separation, needed_separation
 from services.planner.offline.regions import box_cells, random_box
 from services.robot_sim.adapters import bullet
 from services.robot_sim.core.obstacles import Thing, pose_of
 from tests.support.cell import ur3, ur3_cell
 from tests.support.slow_layers import slow_far
-from tests.support.slow_separation import slow_allowed_speed, slow_clearance
+from tests.support.slow_separation import slow_allowed_speed, slow_body_separation, slow_clearance
 
 STANDING = SpeedLaw(person_m_s=0.0, reaction_s=0.0, braking_m_s2=2.5, reduced_m_s=0.25)
 MOVING = STANDING._replace(person_m_s=0.25, reaction_s=0.15)
@@ -110,6 +111,28 @@ def test_against_the_physics_engine_never_above_and_at_most_two_cells_below(benc
     assert len(below) > 30
     assert below.min() >= 0.0, "told farther than it is"
     assert below.max() <= TWO_CELLS_M
+
+
+@pytest.mark.parametrize("n_cells", [1, BLOCK + 1, 3 * BLOCK * GROUP + 5])
+def test_a_body_is_as_near_as_cell_by_cell(bench, separation, n_cells):
+    """Also where the cells fill several groups of blocks, of which most are passed over."""
+    rng, arm, answers, exact = np.random.default_rng(n_cells), bench.checker.arm, set(), 0
+    for q in bench.free_rad[:6]:
+        frames = bench.robot.joint_poses(q[None])[0]
+        middle = frames[rng.integers(2, 7), :3, 3] + rng.normal(scale=0.3, size=3)
+        away_m = np.linalg.norm(bench.grid.centres(np.arange(bench.grid.n_cells)) - middle, axis=1)
+        near, anywhere = np.argsort(away_m)[: n_cells // 2 + 1], rng.permutation(bench.grid.n_cells)
+        cells = cells_of(bench.grid, np.unique(np.concatenate([near, anywhere[: n_cells // 2]])).astype(np.int32))
+        for b in np.flatnonzero(arm.moving):
+            frame = frames[arm.grids.body_joint[b]]
+            turn, shift = np.ascontiguousarray(frame[:3, :3]), np.ascontiguousarray(frame[:3, 3])
+            for enough_m in (0.05, 0.4, 2.0):
+                told = body_separation(arm, separation.reach, cells, b, turn, shift, enough_m)
+                least, most = slow_body_separation(arm, separation.reach, cells, b, frame, enough_m)
+                assert least - 1e-9 <= told <= most + 1e-9
+                exact += most - least < 1e-9
+                answers.add(round(told, 6))
+    assert len(answers) > 20 and exact > 50, "or this shows nothing"
 
 
 # --- the law ---
