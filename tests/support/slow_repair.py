@@ -41,6 +41,8 @@ class SlowTwoTrees:
     rng: SlowXoshiro
     trees: tuple[list[Node], list[Node]] = field(default_factory=lambda: ([], []))
     tree_of: dict[int, int] = field(default_factory=dict)
+    cost: dict[int, float] = field(default_factory=dict)
+    node_of: dict[int, Node] = field(default_factory=dict)
     iterations: int = 0
 
     def solve(self, q_start: np.ndarray, q_goals: np.ndarray, n_connections: int, max_iterations: int) -> np.ndarray | None:
@@ -59,25 +61,19 @@ class SlowTwoTrees:
         order = [n for n in range(len(self.node_count)) if self.node_count[n] == 0]
         best = (np.inf, None)
         for side in (0, 1):
-            reached: dict[int, tuple[float, Node]] = {}
             for root in list(self.trees[side]):
                 far = {n: self._far(root.q, self.roadmap.neurons_rad[n]) for n in order}
                 for n in sorted(order, key=lambda n: (far[n], n))[:n_connections]:
-                    if self._verdict(root.q, self.roadmap.neurons_rad[n])[0] != FREE:
+                    if self.tree_of.get(n) == side or self._verdict(root.q, self.roadmap.neurons_rad[n])[0] != FREE:
                         continue
                     if self.tree_of.get(n) == 0:
                         best = min(best, (self.cost[n] + far[n], (self.node_of[n], root)), key=lambda b: b[0])
-                    elif n not in reached or far[n] < reached[n][0]:
-                        reached[n] = (far[n], root)
-            if best[1] is not None:
-                return best[1]
-            self._take_in(side, reached)
-        return None
+                        break
+                    self._take_in(side, {n: (far[n], root)})
+        return best[1]
 
     def _take_in(self, side, reached):
         """Dijkstra from neurons that are reached at a cost from a node."""
-        if side == 0 and not self.tree_of:
-            self.cost, self.node_of = {}, {}
         best = dict(reached)
         heap = [(cost, n) for n, (cost, _) in best.items()]
         heapq.heapify(heap)

@@ -132,7 +132,7 @@ class TwoTrees:
 
 def _trees(n_neurons: int, n_edges: int, n_joints: int, n_goals: int, n_rooms: int, rng: U64, bounds: Bounds) -> kernel.Trees:
     room = n_neurons + n_goals + bounds.nodes
-    in_heap = bounds.connections * n_goals + 2 * n_edges + n_neurons + 1
+    in_heap = 2 * n_edges + n_neurons + 1
     return kernel.Trees(
         q_rad=np.empty((2, room, n_joints)),
         column_rad=np.empty((2, n_joints, room), dtype=np.float32),
@@ -146,7 +146,7 @@ def _trees(n_neurons: int, n_edges: int, n_joints: int, n_goals: int, n_rooms: i
         heap_key=np.empty(in_heap),
         heap_node=np.empty(in_heap, dtype=np.int32),
         rng=rng,
-        tally=np.zeros(3, dtype=np.int64),
+        tally=np.zeros(2, dtype=np.int64),
         best=np.empty(1),
         joint=np.full(2, -1, dtype=np.int64),
         room_m=np.empty((2, room, n_rooms)),

@@ -27,7 +27,9 @@ __all__ = ["Errand", "Sampler", "SamplingAnswer", "SamplingQuestion", "Thinking"
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U64 = NDArray[np.uint64]
-HEAD_START = 100  # samples of repair before the fallback is asked: most of what repair solves is solved by then; our choice
+HEAD_START = (
+    1_000  # samples of repair before the fallback is asked: most of what repair solves is solved by then, and no core is shared; our choice
+)
 TRIES = 3  # paths of each way until a curve along one is free; our choice: nearly always the first is
 
 

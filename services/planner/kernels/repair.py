@@ -32,7 +32,7 @@ I8 = NDArray[np.int8]
 U64 = NDArray[np.uint64]
 
 GROWING, JOINED, EXHAUSTED = 0, 1, 2
-SIDE, ITERATIONS, WAITING = 0, 1, 2  # places in Trees.tally
+SIDE, ITERATIONS = 0, 1  # places in Trees.tally
 SAMPLE, MIDDLE, END = 0, 1, 2  # rows of Trees.scratch_rad
 NO_NEURON = -1
 NOBODY = -1
@@ -83,10 +83,10 @@ class Trees(NamedTuple):
     node_of: I32  # (N,) its node there
     cost: F64  # (N,) rad from where its part of the map was reached
     via: I32  # (N,) node that it is reached from
-    heap_key: F64  # (C + 2 M + N,), C: connections of an end
+    heap_key: F64  # (2 M + N + 1,)
     heap_node: I32
     rng: U64  # (4,)
-    tally: I64  # (3,) whose turn it is, iterations so far, neurons in the heap between two roots
+    tally: I64  # (2,) whose turn it is, iterations so far
     best: F64  # (1,) rad, length of the way over the map that ``joint`` tells, while goals are joined with it
     joint: I64  # (2,) the nodes, one a tree, between which the straight way is free
     room_m: F64  # (2, K, 2 B + P) rooms of the nodes, as kernels.way fills them; NaN in the first place: not looked at yet
@@ -186,30 +186,27 @@ def plant(trees, q_start, q_goals):  # type: ignore[no-untyped-def]
 def root_in_map(space, trees, side, root, n_connections):  # type: ignore[no-untyped-def]
     """Join a root with its nearest free neurons by checked straight ways; the start first, then the goals, each in its turn.
 
+    What a neuron leads to is taken in at once, and not looked at again: where most of the map hangs together, one way is enough.
+
     Returns:
-        After the last goal JOINED if the map leads there (``trees.joint``: where the way is shortest), else GROWING.
+        JOINED if the map leads to one of the goals so far (``trees.joint``: where the way is shortest), else GROWING.
     """
     index, distance = np.empty(n_connections, dtype=np.int32), np.empty(n_connections)
     q, room_m = trees.q_rad[side, root], np.empty(trees.room_m.shape[2])
     for k in range(nearest_free(space.graph.near, space.node_count, q, index, distance)):
         n = index[k]
-        is_known = trees.owner[n] != NOBODY  # then the start reaches it, and a goal is being joined
-        worth = distance[k] + trees.cost[n] < trees.best[0] if is_known else distance[k] < trees.cost[n]
         room_m[0] = np.nan
-        if not worth or not _is_free(space, q, trees.room_m[side, root], space.graph.neurons_rad[n], room_m):
+        if trees.owner[n] == side or not _is_free(space, q, trees.room_m[side, root], space.graph.neurons_rad[n], room_m):
             continue
-        if is_known:
+        if trees.owner[n] == NOBODY:
+            trees.cost[n], trees.via[n] = distance[k], root
+            _take_in(space, trees, side, push(trees.heap_key, trees.heap_node, 0, distance[k], n))
+            continue
+        if distance[k] + trees.cost[n] < trees.best[0]:  # the start reaches it, and a goal is being joined
             trees.best[0] = distance[k] + trees.cost[n]
             trees.joint[0], trees.joint[1] = trees.node_of[n], root
-        else:
-            trees.cost[n], trees.via[n] = distance[k], root
-            trees.tally[WAITING] = push(trees.heap_key, trees.heap_node, trees.tally[WAITING], distance[k], n)
-    if side == 0 or root == trees.n_nodes[1] - 1:
-        if trees.best[0] < np.inf:
-            return JOINED
-        _take_in(space, trees, side, trees.tally[WAITING])
-        trees.tally[WAITING] = 0
-    return GROWING
+        break
+    return JOINED if trees.best[0] < np.inf else GROWING
 
 
 @leaf

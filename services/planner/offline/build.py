@@ -47,7 +47,7 @@ Progress = Callable[[str, float], None]  # stage, share done 0..1
 
 STAGES = ("motions", "map", "prune", "table", "practice", "write")
 RULES_VERSION = 5  # raise when the same config would give other motions
-MAP_VERSION = 10  # raise when the same motions would give another map
+MAP_VERSION = 11  # raise when the same motions would give another map
 
 
 def _silent(stage: str, share: float) -> None:
