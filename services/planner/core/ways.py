@@ -27,9 +27,7 @@ __all__ = ["Errand", "Sampler", "SamplingAnswer", "SamplingQuestion", "Thinking"
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U64 = NDArray[np.uint64]
-HEAD_START = (
-    1_000  # samples of repair before the fallback is asked: most of what repair solves is solved by then, and no core is shared; our choice
-)
+HEAD_START = 1_000  # samples of repair before the fallback is asked, and cores are shared: most is solved by then; our choice
 TRIES = 3  # paths of each way until a curve along one is free; our choice: nearly always the first is
 
 
@@ -191,7 +189,7 @@ class Thinking:
         tries = self._tries if self.way == "fallback" else 0
         seed = seed_of(self._seed, np.array([tries]))  # other samples than those of repair, and others each time
         rules, counts = self._rules, self.world.counts
-        known = Known(self._planner.finder.roadmap.graph, counts.node, counts.edge)
+        known = Known(self._planner.finder.roadmap.graph, counts.node.copy(), counts.edge.copy())  # it is packed later, elsewhere
         ends = (self._ask.q_start, self._q_goals)
         self.wanted = SamplingQuestion(*ends, counts.cells, seed, rules.fallback_iterations, rules.fallback_searches, known)
 
