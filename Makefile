@@ -25,7 +25,7 @@ $(STAMP): pyproject.toml constraints.txt deploy/system-packages.txt deploy/syste
 demo: $(STAMP) ## two minutes of the whole loop: a UR3 at work while a hand and boxes come in its way (SECONDS=0: no end)
 	$(BIN)/tolman demo --seconds $(SECONDS)
 
-test: $(STAMP) ## every test: unit, property, golden, architecture; then integration
+test: $(STAMP) ## every test: unit, property, golden, architecture, whole commands; then integration
 	$(BIN)/python -m pytest -m "not integration" -n 2 --dist loadfile
 	$(BIN)/python -m pytest -m integration
 

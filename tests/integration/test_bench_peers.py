@@ -14,7 +14,7 @@ from clients.cli.main import main
 N, PEERS = 3, ("ompl_rrt_connect", "roboplan_rrt_connect")
 
 
-@pytest.mark.integration
+@pytest.mark.batch
 def test_ours_and_peers_stand_side_by_side(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     small = [f"--override={value}" for value in QUICK.overrides]
     command = ["bench", "peers", "--n", str(N), "--limit-s", "1", "--peers", *PEERS, "--json", str(tmp_path / "r.json"), *small]

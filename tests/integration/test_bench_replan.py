@@ -22,7 +22,7 @@ N = 4
 NO_FALLBACK = "planner.ways=['map','repair']"
 
 
-@pytest.mark.integration
+@pytest.mark.batch
 def test_figures_of_few_questions(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     small = [f"--override={value}" for value in QUICK.overrides]
     assert main(["bench", "replan", "--n", str(N), "--json", str(tmp_path / "r.json"), *small]) == 0
@@ -35,13 +35,13 @@ def test_figures_of_few_questions(tmp_path: Path, capsys: pytest.CaptureFixture[
     assert json.loads(capsys.readouterr().out)["n_solvable"] == told["n_solvable"]
 
 
-@pytest.mark.integration
+@pytest.mark.batch
 def test_no_questions_are_refused_by_name(capsys: pytest.CaptureFixture[str]) -> None:
     assert main(["bench", "replan", "--n", "0"]) == 1
     assert "--n 0" in capsys.readouterr().err
 
 
-@pytest.mark.integration
+@pytest.mark.batch
 def test_an_answer_that_differs_in_one_bit_is_noticed() -> None:
     overrides = [*QUICK.overrides, NO_FALLBACK]
     parts = assemble(*load(None, "planner", PlannerConfig, overrides))

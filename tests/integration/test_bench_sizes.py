@@ -12,7 +12,7 @@ from clients.cli.main import main
 MOTIONS = ["--override=planner.motions.n_trajectories=8", "--override=planner.motions.n_samples=600"]
 
 
-@pytest.mark.integration
+@pytest.mark.batch
 def test_each_size_is_built_asked_and_drawn(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     told, png = tmp_path / "sizes.json", tmp_path / "sizes.png"
     command = ["bench", "sizes", "--neurons", "60", "120", "--cells", "0.04", "--n", "3", *MOTIONS, "--json", str(told), "--plot", str(png)]

@@ -19,8 +19,7 @@ SLACK = 3.0  # the first run on a machine compiles all kernels and builds the sm
 MAY_LACK_FIGURES = {"dodge"}  # in seconds on a busy machine there may be nothing to dodge; the report says so then
 
 
-@pytest.mark.integration
-@pytest.mark.slow
+@pytest.mark.batch
 def test_the_quick_report_has_every_part(tmp_path: Path) -> None:
     began_s = time.monotonic()
     command = [sys.executable, "-m", "clients.cli.main", "paper", "--quick", "--out", str(tmp_path)]
