@@ -129,17 +129,19 @@ class ReplanConfig(Strict, frozen=True):
     unavoidable_frames: Annotated[int, Meta(ge=1)] = 5  # our choice: evidence for something in cells that no path avoids
 
 
+MOST_SEARCHES = 16  # a bound against slips; our choice
+
+
 class RepairConfig(Strict, frozen=True):
     """Bounds of the search that joins the parts of the map. Counts, never time, so that equal questions get equal answers."""
 
-    # Samples. Measured (task and wall, 25 that the map lacks): where they are of use, 8 to 5 500 and 0.02 to 0.3 s, one 9 800 and
-    # 0.4 s; 0.4 s where not, while the fallback searches too.
+    # Samples of each search. Measured of one (task and wall, 25 that the map lacks): where they are of use, 8 to 5 500 and 0.02 to 0.3 s,
+    # one 9 800 and 0.4 s; 0.4 s where not, while the fallback searches too.
     iterations: Annotated[int, Meta(ge=1, le=1_000_000)] = 10_000
     slice_iterations: Annotated[int, Meta(ge=1, le=1_000)] = 25  # samples in a step of the planner; measured: at most 10 ms
     connections: Annotated[int, Meta(ge=1, le=1_000)] = 64  # nearest neurons that start and goal may join; our choice
-
-
-MOST_SEARCHES = 16  # a bound against slips; our choice
+    # Side by side, on samples of their own; the first way that one finds is taken. Two: as a small laptop has.
+    searches: Annotated[int, Meta(ge=1, le=MOST_SEARCHES)] = 2
 
 
 class FallbackConfig(Strict, frozen=True):

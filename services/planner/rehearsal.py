@@ -61,7 +61,7 @@ def _repair(parts: Parts, clock_ns: Callable[[], int], home: F64, far: F64) -> N
     vision.counts.edge[:] = 1
     joint_range = (parts.robot.position_min_rad, parts.robot.position_max_rad)
     few = Bounds(REPAIR_SAMPLES, slice_iterations=REPAIR_SAMPLES, connections=1)
-    repair = Repair(planner.finder, vision.world, home, far[None], joint_range, seed_of(home, far), few)
+    repair = Repair(planner.finder, vision.world, home, far[None], joint_range, seed_of(home, far), few, 1, planner.pool)
     while repair.advance() is True:
         pass
     tightened(planner.checker, vision.world.cells, Joined(np.array([home, home + 0.01, home]), np.full(1, NO_NEURON, dtype=np.int32)))

@@ -72,12 +72,6 @@ class MapSearch:
         self._trees = self._begin()
         return self._bans <= MAX_BANS
 
-    def ban(self, neurons: I32, piece: int) -> None:
-        """Never again use the map's edge that a piece is, if it is one; it counts from the next beginning on."""
-        edge = self._edge_of(neurons, piece)
-        if edge is not None:
-            self._known.edge_count[edge] += 1
-
     def is_of_the_map(self, joined: Joined) -> bool:
         """Whether the way uses the map's neurons and edges alone."""
         return (

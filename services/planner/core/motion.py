@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from concurrent.futures import Executor, ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -10,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.robot.trajectory import JointTrajectory
+from services.planner.config import MOST_SEARCHES
 from services.planner.core.check import ASTRAY_M, TOUCH_M, HandReach
 from services.planner.core.find import PathFinder, Pieces, Rules
 from services.planner.core.found import FoundPath, NotFound, path_length
@@ -127,6 +129,7 @@ class MotionPlanner:
         separation: Separation | None = None,
     ) -> None:
         self.finder = finder
+        self.pool: Executor = ThreadPoolExecutor(MOST_SEARCHES)  # for the searches of repair; it has no thread until one is needed
         self._separation = separation
         self.joint_range = joint_range
         self.checker = finder.checker

@@ -8,27 +8,29 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from concurrent.futures import Executor
-from operator import methodcaller
+from typing import Generic, TypeVar
 
 from services.planner.core.map_search import MapSearch
 from services.planner.core.two_trees import Joined, TwoTrees
 
 __all__ = ["OrParallel"]
 
+S = TypeVar("S", bound=TwoTrees | MapSearch)
 
-class OrParallel:
+
+class OrParallel(Generic[S]):
     """Goes on in rounds of one slice each, and ends with the round in which a way is found; of several the first in order counts.
 
     So which of them is quicker makes no difference, nor how many cores there are.
 
     Args:
         searches: at least one; their kernels release the interpreter's lock.
-        pool: with a thread for each of them.
+        pool: with a thread for each but the first, which the caller's own thread makes.
     """
 
-    def __init__(self, searches: Sequence[TwoTrees | MapSearch], pool: Executor) -> None:
+    def __init__(self, searches: Sequence[S], pool: Executor) -> None:
         self._searches, self._pool = searches, pool
-        self._under_way: list[TwoTrees | MapSearch] = list(searches)
+        self._under_way: list[S] = list(searches)
 
     @property
     def iterations(self) -> int:
@@ -37,10 +39,16 @@ class OrParallel:
 
     def advance(self) -> bool:
         """One round; True when the search is over."""
-        is_over = list(self._pool.map(methodcaller("advance"), self._under_way))
+        others = [self._pool.submit(search.advance) for search in self._under_way[1:]]
+        is_over = [self._under_way[0].advance(), *(other.result() for other in others)]
         self._under_way = [search for search, over in zip(self._under_way, is_over, strict=True) if not over]
-        return not self._under_way or self.found() is not None
+        return not self._under_way or self.winner() is not None
+
+    def winner(self) -> S | None:
+        """The search that found a way, once it is over; None: none did within the bounds."""
+        return next((search for search in self._searches if search.found() is not None), None)
 
     def found(self) -> Joined | None:
         """The way, once the search is over; None: there is none within the bounds."""
-        return next((found for search in self._searches if (found := search.found()) is not None), None)
+        winner = self.winner()
+        return None if winner is None else winner.found()

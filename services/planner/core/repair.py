@@ -1,6 +1,8 @@
-"""Where the search on the map found nothing: more connections, then a bounded search that joins the parts of the map (repair)."""
+"""Where the search on the map found nothing: more connections, then bounded searches that join the parts of the map (repair)."""
 
 from __future__ import annotations
+
+from concurrent.futures import Executor
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +11,8 @@ from services.planner.core.check import Checker
 from services.planner.core.find import PathFinder
 from services.planner.core.found import NO_NEURON, FoundPath
 from services.planner.core.map_search import MapSearch
-from services.planner.core.two_trees import FINER, Bounds, Joined, Known
+from services.planner.core.or_parallel import OrParallel
+from services.planner.core.two_trees import FINER, Bounds, Joined, Known, seed_of
 from services.planner.core.world import World
 from services.planner.kernels.cells import Cells
 from services.planner.kernels.shorten import cut_corners
@@ -57,47 +60,50 @@ class Repair:
         world: what the path is found in.
         q_start: (J,) rad. q_goals: (G, J) rad, any of which will do.
         joint_range: (J,) least and largest joint angles.
-        rng: (4,) state of the generator; advanced.
-        bounds: of the search; with no iterations the map is only asked again, with more connections.
+        seed: (4,) the generator's state to begin with.
+        bounds: of each search; with no iterations the map is only asked again, with more connections.
+        n_searches: made side by side, on samples of their own.
+        pool: see :class:`~services.planner.core.or_parallel.OrParallel`.
     """
 
     def __init__(
-        self, finder: PathFinder, world: World, q_start: F64, q_goals: F64, joint_range: tuple[F64, F64], rng: U64, bounds: Bounds
-    ) -> None:
+        self, finder: PathFinder, world: World, q_start: F64, q_goals: F64, joint_range: tuple[F64, F64],
+        seed: U64, bounds: Bounds, n_searches: int, pool: Executor,
+    ) -> None:  # fmt: skip
         self._finder, self._world = finder, world
         known = Known(finder.roadmap.graph, world.counts.node, world.counts.edge)
-        self._search = MapSearch(finder.checker, world.cells, known, q_start, q_goals, joint_range, rng, bounds)
+        states = [seed.copy(), *(seed_of(seed, np.array([0, k])) for k in range(1, n_searches))]  # none is a state of the fallback's
+        question = (finder.checker, world.cells, known, q_start, q_goals, joint_range)
+        self._searches = [MapSearch(*question, rng, bounds) for rng in states]
+        self._side_by_side, self._pool = OrParallel(self._searches, pool), pool
         self._joined: Joined | None = None
         self._rounds = 0
 
     @property
     def iterations(self) -> int:
-        """Samples so far."""
-        return self._search.iterations
+        """Samples of all searches so far."""
+        return self._side_by_side.iterations
 
     def advance(self) -> FoundPath | bool:
         """One slice: a path, True while there is hope, False if there is none."""
         if self._joined is not None:
             return self._go_on(self._joined)
-        if not self._search.advance():
+        if not self._side_by_side.advance():
             return True
-        self._joined, self._rounds = self._search.found(), 0
+        self._joined, self._rounds = self._side_by_side.found(), 0
         return self._joined is not None
 
     def _go_on(self, joined: Joined) -> FoundPath | bool:
         """With a way that was found: corners cut, a round a slice."""
-        is_map = self._search.is_of_the_map(joined)
+        is_map = self._searches[0].is_of_the_map(joined)
         if not is_map and self._rounds < ROUNDS:
             self._joined, self._rounds = _corners_cut(self._finder.checker, self._world.cells, joined), self._rounds + 1
             return True
         return FoundPath(joined.neurons, joined.q_rad, way="map" if is_map else "repair")
 
     def again(self) -> bool:
-        """Begin again with what is left of the bounds, on other samples; False: nothing is left."""
-        self._joined = None
-        return self._search.again()
-
-    def ban(self, found: FoundPath, piece: int) -> bool:
-        """Never again use the map's edge from ``found.q_rad[piece]`` to the next point, if it is one; :meth:`again`."""
-        self._search.ban(found.neurons, piece)
-        return self.again()
+        """What found the way begins again with what is left of its bounds, on other samples, the others go on; False: nothing is left."""
+        self._joined, winner = None, self._side_by_side.winner()
+        has_more = winner is not None and winner.again()
+        self._side_by_side = OrParallel(self._searches, self._pool)
+        return has_more

@@ -27,25 +27,27 @@ __all__ = ["Errand", "Sampler", "SamplingAnswer", "SamplingQuestion", "Thinking"
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U64 = NDArray[np.uint64]
-HEAD_START = 1_000  # samples of repair before the fallback is asked, and cores are shared: most is solved by then; our choice
+# Samples of repair, of all its searches, before the fallback is asked and shares the cores: most is solved by then; our choice.
+HEAD_START = 2_000
 TRIES = 3  # paths of each way until a curve along one is free; our choice: nearly always the first is
 
 
 @dataclass(frozen=True)
 class ThinkingRules:
-    """Which ways there are besides the map, their bounds in samples, and how many searches the fallback makes side by side."""
+    """Which ways there are besides the map, their bounds in samples, and how many searches each makes side by side."""
 
     ways: Sequence[Way]
     repair: Bounds
     fallback_iterations: int
     fallback_searches: int = 1
+    repair_searches: int = 1
 
     @staticmethod
     def of(config: PlannerConfig) -> ThinkingRules:
         """As configured."""
         repair = config.repair
         bounds = Bounds(repair.iterations, repair.slice_iterations, connections=repair.connections)
-        return ThinkingRules(config.ways, bounds, config.fallback.iterations, config.fallback.searches)
+        return ThinkingRules(config.ways, bounds, config.fallback.iterations, config.fallback.searches, repair.searches)
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +120,8 @@ class Thinking:
         self.is_stale = False
         self.way: Way = "repair" if "repair" in rules.ways else "map"
         bounds = rules.repair if self.way == "repair" else replace(rules.repair, iterations=0)
-        self._repair = Repair(planner.finder, world, ask.q_start, self._q_goals, planner.joint_range, self._seed.copy(), bounds)
+        question = (planner.finder, world, ask.q_start, self._q_goals, planner.joint_range)
+        self._repair = Repair(*question, self._seed, bounds, rules.repair_searches if self.way == "repair" else 1, planner.pool)
 
     @property
     def is_waiting(self) -> bool:

@@ -48,7 +48,7 @@ class Turns:
     def __init__(self, scene: Scene) -> None:
         self._scene = scene
         self._checkers: OrderedDict[Held | None, Checker] = OrderedDict()
-        self._searches: dict[int, tuple[OrParallel, Checker, Cells, float]] = {}
+        self._searches: dict[int, tuple[OrParallel[TwoTrees | MapSearch], Checker, Cells, float]] = {}
         self._pool = ThreadPoolExecutor(MOST_SEARCHES)
 
     def __len__(self) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -26,12 +27,12 @@ def learned(bench, cut):
     finder, world, pairs = cut
     checker, empty = finder.checker, no_cells(bench.grid)
     ground = Ground(checker.arm, bench.grid, 0.02, 0.01)
-    roadmap, old, new = finder.roadmap, [], []
+    roadmap, old, new, pool = finder.roadmap, [], [], ThreadPoolExecutor(1)
     for start, goal in pairs:
         if isinstance(_route(finder, world, start, goal).find(), FoundPath):
             old.append((start, goal))
             continue
-        repair = Repair(finder, world, start, goal[None], RANGE, seed_of(start), Bounds(2_000, connections=2))
+        repair = Repair(finder, world, start, goal[None], RANGE, seed_of(start), Bounds(2_000, connections=2), 1, pool)
         while (found := repair.advance()) is True:
             pass
         if isinstance(found, FoundPath):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from services.planner.core.two_trees import FINER, Bounds, TwoTrees, no_map, see
 from tests.support.slow_repair import SlowTwoTrees
 from tests.support.slow_xoshiro import SlowXoshiro
 
+RANGE = (np.full(6, -np.pi), np.full(6, np.pi))
 FEW = Bounds(400, slice_iterations=7, nodes=4_000, connections=6)
 
 
@@ -88,14 +90,54 @@ def test_bounds_end_it(cut):
     assert _solve(full) is None
 
 
+def _repair(finder, world, start, goal, n_searches, iterations=2_000, n_threads=2):
+    bounds = Bounds(iterations, slice_iterations=5, nodes=4_000, connections=2)
+    pool = ThreadPoolExecutor(n_threads)
+    return Repair(finder, world, start, goal[None], RANGE, seed_of(start), bounds, n_searches, pool)
+
+
+def _repaired(repair):
+    slices = 1
+    while (found := repair.advance()) is True:
+        slices += 1
+    return found, slices
+
+
+def test_of_two_searches_the_luckier_one_answers(cut):
+    finder, world, pairs = cut[0], cut[1], cut[2]
+    sooner = 0
+    for start, goal in pairs:
+        alone, slices_alone = _repaired(_repair(finder, world, start, goal, n_searches=1))
+        found, slices = _repaired(_repair(finder, world, start, goal, n_searches=2))
+        again, _ = _repaired(_repair(finder, world, start, goal, n_searches=2, n_threads=1))
+        assert isinstance(found, FoundPath) or not isinstance(alone, FoundPath)
+        if isinstance(found, FoundPath):
+            assert again.q_rad.tobytes() == found.q_rad.tobytes()
+            assert all(finder.checker.segment(world.cells, a, b) for a, b in itertools.pairwise(found.q_rad))
+        if isinstance(alone, FoundPath) and found.q_rad.tobytes() != alone.q_rad.tobytes():
+            assert slices <= slices_alone + 2, "two slices more at most, of cutting corners"
+            sooner += 1
+    assert sooner >= 1, "or this shows nothing"
+
+
+def test_it_begins_again_on_other_samples_until_the_bounds_are_reached(cut):
+    finder, world, pairs = cut[0], cut[1], cut[2]
+    for start, goal in pairs:
+        repair = _repair(finder, world, start, goal, n_searches=2, iterations=300)
+        found, _ = _repaired(repair)
+        if isinstance(found, FoundPath) and found.way == "repair":
+            break
+    ways = {found.q_rad.tobytes()}
+    while repair.again() and isinstance(other := _repaired(repair)[0], FoundPath):
+        ways.add(other.q_rad.tobytes())
+    assert len(ways) > 1 and repair.iterations <= 2 * 300
+
+
 def test_repair_answers_where_the_map_alone_does_not(cut):
     finder, world, pairs = cut[0], cut[1], cut[2][:12]
     ways = set()
     for start, goal in pairs:
-        joint_range = (np.full(6, -np.pi), np.full(6, np.pi))
-        repair = Repair(finder, world, start, goal[None], joint_range, seed_of(start), Bounds(2_000, connections=2))
-        while (found := repair.advance()) is True:
-            pass
+        found, _ = _repaired(_repair(finder, world, start, goal, n_searches=1))
         if isinstance(found, FoundPath):
             ways.add(found.way)
             assert all(finder.checker.segment(world.cells, a, b) for a, b in itertools.pairwise(found.q_rad))
