@@ -26,10 +26,11 @@ class OrParallel(Generic[S]):
     Args:
         searches: at least one; their kernels release the interpreter's lock.
         pool: with a thread for each but the first, which the caller's own thread makes.
+        rounds_alone: in which the first goes on alone; what is easy is over by then, and takes longer where cores are shared.
     """
 
-    def __init__(self, searches: Sequence[S], pool: Executor) -> None:
-        self._searches, self._pool = searches, pool
+    def __init__(self, searches: Sequence[S], pool: Executor, rounds_alone: int = 0) -> None:
+        self._searches, self._pool, self._rounds_alone = searches, pool, rounds_alone
         self._under_way: list[S] = list(searches)
 
     @property
@@ -39,9 +40,12 @@ class OrParallel(Generic[S]):
 
     def advance(self) -> bool:
         """One round; True when the search is over."""
-        others = [self._pool.submit(search.advance) for search in self._under_way[1:]]
-        is_over = [self._under_way[0].advance(), *(other.result() for other in others)]
-        self._under_way = [search for search, over in zip(self._under_way, is_over, strict=True) if not over]
+        n = 1 if self._rounds_alone > 0 else len(self._under_way)
+        self._rounds_alone -= 1
+        now, later = self._under_way[:n], self._under_way[n:]
+        others = [self._pool.submit(search.advance) for search in now[1:]]
+        is_over = [now[0].advance(), *(other.result() for other in others)]
+        self._under_way = [*(search for search, over in zip(now, is_over, strict=True) if not over), *later]
         return not self._under_way or self.winner() is not None
 
     def winner(self) -> S | None:

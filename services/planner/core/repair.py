@@ -23,6 +23,7 @@ F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U64 = NDArray[np.uint64]
 PIECE_RAD = 0.25  # a path is cut into such pieces, so that corners can be cut anywhere; our choice
+ROUNDS_ALONE = 4  # slices of the first search before the others join in; our choice: what is easy is over by then
 CUTS, ROUNDS = 120, 2  # straight segments tried a round; our choice
 
 
@@ -75,7 +76,7 @@ class Repair:
         states = [seed.copy(), *(seed_of(seed, np.array([0, k])) for k in range(1, n_searches))]  # none is a state of the fallback's
         question = (finder.checker, world.cells, known, q_start, q_goals, joint_range)
         self._searches = [MapSearch(*question, rng, bounds) for rng in states]
-        self._side_by_side, self._pool = OrParallel(self._searches, pool), pool
+        self._side_by_side, self._pool = OrParallel(self._searches, pool, ROUNDS_ALONE), pool
         self._joined: Joined | None = None
         self._rounds = 0
 

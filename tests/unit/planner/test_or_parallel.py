@@ -49,12 +49,25 @@ def test_the_luckiest_ends_it(cut, n_threads):
     assert len(winners) > 1, "or this shows nothing"
 
 
+def test_the_others_join_in_when_the_first_has_been_alone_for_so_long(cut):
+    alone_for = 7
+    with ThreadPoolExecutor(2) as pool:
+        for pair in cut[2][:8]:
+            alone = [_rounds(search) for search in _searches(cut, pair)]
+            found_after = [rounds if found is not None else np.inf for rounds, found in alone]
+            found_after = [found_after[0], *(rounds + alone_for for rounds in found_after[1:])]
+            rounds, found = _rounds(OrParallel(_searches(cut, pair), pool, alone_for))
+            first = int(np.argmin(found_after))
+            if found is not None:
+                assert rounds == found_after[first] and found.q_rad.tobytes() == alone[first][1].q_rad.tobytes()
+
+
 def test_it_is_over_when_all_are(cut):
     one_sample = {"iterations": 1}
     pair = next(pair for pair in cut[2] if all(_rounds(search)[1] is None for search in _searches(cut, pair, **one_sample)))
     with ThreadPoolExecutor(2) as pool:
         searches = _searches(cut, pair, **one_sample)
-        side_by_side = OrParallel(searches, pool)
+        side_by_side = OrParallel(searches, pool, rounds_alone=9)
         while not side_by_side.advance():
             pass
         assert side_by_side.found() is None and side_by_side.iterations == len(searches)

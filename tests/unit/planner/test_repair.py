@@ -91,7 +91,7 @@ def test_bounds_end_it(cut):
 
 
 def _repair(finder, world, start, goal, n_searches, iterations=2_000, n_threads=2):
-    bounds = Bounds(iterations, slice_iterations=5, nodes=4_000, connections=2)
+    bounds = Bounds(iterations, slice_iterations=1, nodes=4_000, connections=2)
     pool = ThreadPoolExecutor(n_threads)
     return Repair(finder, world, start, goal[None], RANGE, seed_of(start), bounds, n_searches, pool)
 
