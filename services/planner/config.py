@@ -141,7 +141,7 @@ class RepairConfig(Strict, frozen=True):
     # Samples of each search in a step of the planner, which takes 5 ms at the 99th percentile, 8 at most (measured, two searches).
     slice_iterations: Annotated[int, Meta(ge=1, le=1_000)] = 50
     connections: Annotated[int, Meta(ge=1, le=1_000)] = 64  # nearest neurons that start and goal may join; our choice
-    # Side by side, on samples of their own; the first way that one finds is taken. Two: as a small laptop has.
+    # Side by side, on samples of their own, until the fallback is asked; the first way that one finds is taken. Two: as a small laptop has.
     searches: Annotated[int, Meta(ge=1, le=MOST_SEARCHES)] = 2
 
 

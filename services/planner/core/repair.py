@@ -77,13 +77,14 @@ class Repair:
         question = (finder.checker, world.cells, known, q_start, q_goals, joint_range)
         self._searches = [MapSearch(*question, rng, bounds) for rng in states]
         self._side_by_side, self._pool = OrParallel(self._searches, pool, ROUNDS_ALONE), pool
+        self._dropped = 0  # samples of searches that do not go on
         self._joined: Joined | None = None
         self._rounds = 0
 
     @property
     def iterations(self) -> int:
         """Samples of all searches so far."""
-        return self._side_by_side.iterations
+        return self._dropped + self._side_by_side.iterations
 
     def advance(self) -> FoundPath | bool:
         """One slice: a path, True while there is hope, False if there is none."""
@@ -101,6 +102,13 @@ class Repair:
             self._joined, self._rounds = _corners_cut(self._finder.checker, self._world.cells, joined), self._rounds + 1
             return True
         return FoundPath(joined.neurons, joined.q_rad, way="map" if is_map else "repair")
+
+    def alone(self) -> None:
+        """One search goes on: that which has found a way, else the first."""
+        one = self._side_by_side.winner() or self._searches[0]
+        self._dropped += sum(search.iterations for search in self._searches if search is not one)
+        self._searches = [one]
+        self._side_by_side = OrParallel(self._searches, self._pool)
 
     def again(self) -> bool:
         """What found the way begins again with what is left of its bounds, on other samples, the others go on; False: nothing is left."""

@@ -27,8 +27,9 @@ __all__ = ["Errand", "Sampler", "SamplingAnswer", "SamplingQuestion", "Thinking"
 F64 = NDArray[np.float64]
 I32 = NDArray[np.int32]
 U64 = NDArray[np.uint64]
-# Samples of repair, of all its searches, before the fallback is asked and shares the cores: most is solved by then; our choice.
-HEAD_START = 2_000
+# Samples of repair, of all its searches, before the fallback is asked; most is solved by then. From there on repair makes one search, since
+# the fallback makes as many as there are cores: on two, four at once were late with what is hard (`wall` 53: 0.9 instead of 0.5 s).
+HEAD_START = 1_000
 TRIES = 3  # paths of each way until a curve along one is free; our choice: nearly always the first is
 
 
@@ -145,6 +146,7 @@ class Thinking:
         if isinstance(found, bool):
             if self._repair.iterations >= HEAD_START and "fallback" in self._rules.ways and not self._is_asked:
                 self._want()
+                self._repair.alone()
             return None if found else self._after_repair()
         motion = self._drive(world, found, watch)
         if motion is None and (self._tries == TRIES or not self._repair.again()):

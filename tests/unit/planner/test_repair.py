@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from services.planner.core.found import FoundPath
-from services.planner.core.repair import Repair, tightened
+from services.planner.core.repair import ROUNDS_ALONE, Repair, tightened
 from services.planner.core.two_trees import FINER, Bounds, TwoTrees, no_map, seed_of
 from tests.support.slow_repair import SlowTwoTrees
 from tests.support.slow_xoshiro import SlowXoshiro
@@ -118,6 +118,27 @@ def test_of_two_searches_the_luckier_one_answers(cut):
             assert slices <= slices_alone + 2, "two slices more at most, of cutting corners"
             sooner += 1
     assert sooner >= 1, "or this shows nothing"
+
+
+def test_one_of_two_goes_on_alone_as_if_it_had_been(cut):
+    finder, world, pairs = cut[0], cut[1], cut[2]
+    shown = 0
+    for start, goal in pairs:
+        repair, n_slices = _repair(finder, world, start, goal, n_searches=2), 1
+        while (found := repair.advance()) is True and n_slices < 2 * ROUNDS_ALONE:
+            n_slices += 1
+        samples = repair.iterations
+        repair.alone()
+        assert repair.iterations == samples
+        if found is not True:
+            continue
+        found, _ = _repaired(repair)
+        first, _ = _repaired(_repair(finder, world, start, goal, n_searches=1))
+        both, _ = _repaired(_repair(finder, world, start, goal, n_searches=2))
+        expected = [path.q_rad.tobytes() for path in (first, both) if isinstance(path, FoundPath)]  # both: had it been found by then
+        assert found.q_rad.tobytes() in expected if isinstance(found, FoundPath) else first is False
+        shown += isinstance(found, FoundPath) and isinstance(both, FoundPath) and expected[0] != expected[1]
+    assert shown >= 1, "or this shows nothing"
 
 
 def test_it_begins_again_on_other_samples_until_the_bounds_are_reached(cut):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 import time
 
 import numpy as np
@@ -17,7 +18,7 @@ from services.planner.core.roadmap import Roadmap
 from services.planner.core.thinker import RESTARTS, Thinker
 from services.planner.core.timing import Limits
 from services.planner.core.two_trees import Bounds, TwoTrees, no_map
-from services.planner.core.ways import SamplingAnswer, SamplingQuestion, Thinking, ThinkingRules, think
+from services.planner.core.ways import HEAD_START, SamplingAnswer, SamplingQuestion, Thinking, ThinkingRules, think
 from services.planner.core.world import World
 from services.planner.offline.regions import box_cells
 
@@ -153,6 +154,17 @@ def test_no_way_says_what_was_tried(scene):
     outcome = think(Thinking(scene.planner, world, _ask(), THERE[None], few, "why"), world, _watch(), scene.send)
     assert isinstance(outcome, NotFound)
     assert outcome.reason.startswith("why; repair found no way in 5 samples")
+
+
+def test_the_second_search_of_repair_ends_where_the_fallback_is_asked(scene):
+    world = scene.world(_shell_around(scene, HERE))
+    samples = {}
+    for ways in (("map", "repair"), ("map", "repair", "fallback")):
+        rules = ThinkingRules(ways, Bounds(3_000, 50, 6_000, 8), 5, repair_searches=2)
+        outcome = think(Thinking(scene.planner, world, _ask(), THERE[None], rules, "why"), world, _watch(), scene.send)
+        samples[ways] = int(re.search(r"repair found no way in (\d+) samples", outcome.reason)[1])
+    alone, beside = samples.values()
+    assert alone == 6_000 and 3_000 + HEAD_START / 2 - 200 <= beside <= 3_000 + HEAD_START / 2 + 50
 
 
 def _shell_around(scene, q):
