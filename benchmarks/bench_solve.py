@@ -50,19 +50,19 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--every", type=int, default=1, metavar="N", help="ask only every N-th of the problems (default all)")
     parser.add_argument("--limit", type=float, default=SOLVE_S, metavar="S", help="RRTConnect's time to show that a problem can be solved")
     parser.add_argument("--json", type=Path, default=None, metavar="FILE", help="written anew after each fold")
-    parser.add_argument("--go-on", action="store_true", help="with the folds that are in the --json FILE of an equal run already")
+    parser.add_argument("--go-on", action="store_true", help="with the folds that are in the --json FILE of an equal run, if there is one")
     add_cell_arguments(parser)
 
 
 def run(args: argparse.Namespace) -> int:
     """Ask, judge, print, write."""
+    if args.go_on and (args.json is None or args.folds is None):
+        raise RequestError("--go-on needs the --json FILE that it goes on with, and --folds")
     whole = problem_job(*load(args.config, "planner", PlannerConfig, args.set), args.problems)
     header = provenance(whole.config.problems.seed, plain(whole.config))
     asked_of = hashlib.sha256(args.problems.read_bytes()).hexdigest()
     report = SolveReport({**header, "problems_sha256": asked_of, "limit_s": args.limit, "folds": args.folds, "every": args.every})
-    if args.go_on:
-        if args.json is None or args.folds is None:
-            raise RequestError("--go-on needs the --json FILE that it goes on with, and --folds")
+    if args.go_on and args.json.exists():
         report.go_on(args.json)
     for number, job, built, problems in _folds(args, whole, report):
         asked = problems[:: args.every]

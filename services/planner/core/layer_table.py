@@ -123,6 +123,8 @@ class NearCounts:
         if t.n_bands == 0:
             return
         for cells, sign in ((appeared, 1), (gone, -1)):
+            if len(cells) == 0:  # mostly so of one of the two, and a call costs more than to see that
+                continue
             change_layers(
                 cells, sign, t.cells_shape, t.block_cells, self._block_count, t.n_bands, self.n_bits,
                 t.node_offset, t.node_owner, self.node, t.edge_offset, t.edge_owner, self.edge,
