@@ -58,8 +58,8 @@ class MarginsConfig(Strict, frozen=True):
 class ClearanceConfig(Strict, frozen=True):
     """Layers of the table beyond the safety distance, and what nearness costs a path."""
 
-    # Issue: for example +2, +5, +10 cm; [] builds none.
-    layers_m: list[Annotated[float, Meta(gt=0, le=0.3)]] = field(default_factory=lambda: [0.02, 0.05, 0.10])
+    # Issue: for example +2, +5, +10 cm; [] builds none. At most 16: our choice.
+    layers_m: Annotated[list[Annotated[float, Meta(gt=0, le=0.3)]], Meta(max_length=16)] = field(default_factory=lambda: [0.02, 0.05, 0.10])
     block_m: Annotated[float, Meta(gt=0, le=0.2)] = 0.04  # edge of the blocks of cells that layers are of: two cells; our choice
     # An edge in the band of the first layer costs so much more of its length, one in the others less: a detour that long is taken to
     # get out of it. Our choice.

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from services.planner.core.layer_table import LayerTable
 from services.planner.kernels.collision import Arm
 from services.planner.kernels.reach import REACH_SPACING_M, Reach
 
-__all__ = ["bands_of", "lowest_band", "slow_far", "slow_pose_bands"]
+__all__ = ["slow_far", "slow_nearest", "slow_pose_bands"]
 
 
 def slow_far(reach: Reach, b: int, point: np.ndarray) -> float:
@@ -45,12 +46,11 @@ def slow_pose_bands(arm: Arm, reach: Reach, frames: np.ndarray, centres: np.ndar
     return bands
 
 
-def bands_of(counts: np.ndarray, n_bands: int) -> np.ndarray:
-    """(K, L) the numbers that share the words ``counts`` (K,) of a :class:`~services.planner.core.layer_table.NearCounts`."""
-    n_bits = 64 // n_bands
-    return np.array([[int(word) >> k * n_bits & (1 << n_bits) - 1 for k in range(n_bands)] for word in counts]).reshape(-1, n_bands)
-
-
-def lowest_band(counts: np.ndarray, n_bands: int) -> np.ndarray:
-    """(K,) the lowest band in which something is, ``n_bands`` where nothing is near."""
-    return np.array([min((k for k in range(n_bands) if row[k]), default=n_bands) for row in bands_of(counts, n_bands)])
+def slow_nearest(table: LayerTable, blocks: set[int], n_neurons: int, n_edges: int) -> tuple[np.ndarray, np.ndarray]:
+    """(N,) and (M,) the lowest band of each neuron and edge in which any of the occupied ``blocks`` is; the number of bands if in none."""
+    node, edge = np.full(n_neurons, table.n_bands), np.full(n_edges, table.n_bands)
+    for block in blocks:
+        for band in range(table.n_bands):
+            for nearest, owners in ((node, table.neurons_of(block, band)), (edge, table.edges_of(block, band))):
+                nearest[owners] = np.minimum(nearest[owners], band)
+    return node, edge

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from services.planner.core.check import Checker
 from services.planner.core.found import FoundPath, NotFound
-from services.planner.core.layer_table import Near
+from services.planner.core.near import Near
 from services.planner.core.roadmap import Roadmap
 from services.planner.core.world import World
 from services.planner.kernels.buckets import queue_length
@@ -32,7 +32,7 @@ Counts = tuple[I32, I32]  # of neurons (N,) and of edges (M,): blocked while abo
 Rules = Literal["checked", "paper"]
 SEARCHES = ("dijkstra", "astar", "bidirectional", "wavefront")  # the first three find equally short paths, the last the fewest neurons
 KINDS = {"dijkstra": DIJKSTRA, "astar": ASTAR, "wavefront": WAVEFRONT, "bidirectional": BIDIRECTIONAL}
-FREE_OF_CHARGE = Near(np.empty(0, dtype=np.uint64), np.empty(0, dtype=np.uint64), 0, np.empty(0))  # by the paper's rules
+FREE_OF_CHARGE = Near(np.empty(0, dtype=np.uint8), np.empty(0, dtype=np.uint8), np.empty(0))  # by the paper's rules
 MORE_POINTS = 64  # that shortcuts may add to a path
 REFINE_STATE = (1, 2, 3, 4)  # of the generator of shortcuts; any that is not all zero
 N_CONNECTIONS = 24  # nearest free neurons that start and goal may join; our choice
@@ -85,6 +85,7 @@ class PathFinder:
         self.surcharges = np.array(surcharges, dtype=np.float64)
         if len(surcharges) not in (0, roadmap.table.layers.n_bands):
             raise ValueError(f"{len(surcharges)} surcharges for {roadmap.table.layers.n_bands} layers")
+        self._factors = np.append(1.0 + self.surcharges, 1.0) if len(surcharges) else np.empty(0)
         n, m = roadmap.n_neurons, roadmap.n_edges
         capacity = N_CONNECTIONS + 2 * m + n + 1
         self.scratch = Scratch(
@@ -154,7 +155,7 @@ class PathFinder:
         """What the kernels are told of a question: map, what is blocked (neurons (N,) and edges (M,), while above zero), checks, ends."""
         c = self.checker
         near = world.counts.near
-        nearness = Near(near.node, near.edge, near.n_bits, 1.0 + self.surcharges)
+        nearness = Near(near.node, near.edge, self._factors)
         checks = (c.arm, c.solids, world.cells, c.safety_m, c.step_m)
         return (KINDS[search], self.roadmap.graph, *counts, nearness, *checks, q_start, q_goal)
 

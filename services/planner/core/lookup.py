@@ -17,7 +17,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from common.geometry.grid import Grid
-from services.planner.core.layer_table import NO_LAYERS, LayerTable, NearCounts
+from services.planner.core.layer_table import NO_LAYERS, LayerTable
+from services.planner.core.near import NearCounts
 from services.planner.core.rows import flat_rows, owners_in, rows_of_flat, transposed
 from services.planner.kernels.collision import Arm
 from services.planner.kernels.lookup import change_counts, count_rows, difference, edge_extra_cells, exposed_cells, node_cells

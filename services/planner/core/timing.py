@@ -15,7 +15,7 @@ from common.robot.trajectory import JointTrajectory
 from services.planner.core.separation import Caps
 from services.planner.core.smoothing import Nurbs
 from services.planner.kernels.blends import LINE_STEP_RAD, sample_blends, sample_count
-from services.planner.kernels.timing import CANNOT_ENTER, fastest_within
+from services.planner.kernels.timing import CANNOT_ENTER, fastest_under_caps, fastest_within
 
 __all__ = ["Limits", "Timed", "brake", "limit_ratio", "time_blends", "time_curve", "time_polyline"]
 
@@ -105,29 +105,15 @@ def _time_samples(
 ) -> Timed | None:
     """Time at samples of a path (kernels.timing's arguments), within limits also between them."""
     dq_start = np.zeros(q.shape[1]) if velocity_start is None else np.asarray(velocity_start, dtype=np.float64)
-    path, bounds = (s, q, d1, d2, d2_before), (limits.velocity, limits.acceleration)
-    unbounded = np.full(len(s), np.inf)
-    timed, speed = _fastest(*path, *bounds, unbounded, dq_start)
-    if timed is None or caps is None:
-        return timed
-    cap = caps(s, q, d1, speed)
-    if (speed * speed <= cap).all():
-        return timed
-    # To get out of a way that is blocked counts more than to be slow: a motion that caps make impossible is timed without.
-    capped, _ = _fastest(*path, *bounds, cap, dq_start)
-    return capped or timed
-
-
-def _fastest(
-    s: F64, q: F64, d1: F64, d2: F64, d2_before: F64, velocity: F64, acceleration: F64, cap: F64, dq_start: F64
-) -> tuple[Timed | None, F64]:
-    """The motion, None if there is none, and (N,) the ds/dt that none under a lower ``cap`` exceeds."""
-    (speed, upper, time), dq, astray_rad = np.empty((3, len(s))), np.empty_like(q), np.empty(q.shape[1])
-    path, bounds = (s, q, d1, d2, d2_before), (velocity, acceleration, cap)
-    k = fastest_within(*path, *bounds, dq_start, TIGHTEN, speed, upper, time, dq, astray_rad)
-    if k in (CANNOT_ENTER, len(TIGHTEN)):
-        return None, speed
-    return Timed(JointTrajectory(time, q, dq), astray_rad), speed
+    (cap, speed, upper, time), dq, astray_rad = np.empty((4, len(s))), np.empty_like(q), np.empty(q.shape[1])
+    asked = s, q, d1, d2, d2_before, limits.velocity, limits.acceleration
+    out = speed, upper, time, dq, astray_rad
+    if caps is None:
+        cap.fill(np.inf)
+        k = fastest_within(*asked, cap, dq_start, TIGHTEN, *out)
+    else:
+        k = fastest_under_caps(*asked, caps, dq_start, TIGHTEN, cap, *out)
+    return None if k in (CANNOT_ENTER, len(TIGHTEN)) else Timed(JointTrajectory(time, q, dq), astray_rad)
 
 
 def limit_ratio(trajectory: JointTrajectory, limits: Limits) -> float:
@@ -169,7 +155,7 @@ def _least_cap(q_from: F64, way: F64, limits: Limits, caps: Caps) -> float:
     """The largest ds/dt that ``caps`` allow all along ``way`` (J,) from ``q_from`` (J,), s being the share of it."""
     s = np.linspace(0.0, 1.0, 2 + int(np.linalg.norm(way) / LINE_STEP_RAD))
     fastest = np.full(len(s), np.min(limits.velocity / np.maximum(np.abs(way), 1e-12)))
-    return float(np.sqrt(caps(s, q_from + s[:, None] * way, np.tile(way, (len(s), 1)), fastest).min()))
+    return float(np.sqrt(caps.along(s, q_from + s[:, None] * way, np.tile(way, (len(s), 1)), fastest).min()))
 
 
 def _along_line(way: F64, limits: Limits, speed: float, cap: float) -> tuple[F64, F64, F64] | None:

@@ -1,4 +1,4 @@
-"""Layers of clearance: in which band of distance of a block of cells a pose, a neuron, an edge lies; and the live counts.
+"""Layers of clearance: in which band of distance of a block of cells a pose, a neuron, an edge lies.
 
 Band k of an owner holds the blocks that are within ``within_m[k]`` of it and not within ``within_m[k - 1]``. A band's entry is the number
 ``block * n_bands + band``, so that a table of them is one of cells like any other. Twin: ``tests/support/slow_layers.py``.
@@ -13,12 +13,10 @@ import numpy as np
 from common.kernel import kernel, leaf
 from common.robot.kernels import forward_kinematics, to_joint_frame
 from services.planner.kernels.collision import ROOT3
-from services.planner.kernels.lookup import PAGE
 from services.planner.kernels.moves import segment_steps
-from services.planner.kernels.prefetch import AHEAD, fetch_row, prefetch
 from services.planner.kernels.reach import look_far, reach_grid
 
-__all__ = ["change_layers", "edge_bands", "node_bands"]
+__all__ = ["edge_bands", "node_bands"]
 
 
 @leaf
@@ -182,47 +180,3 @@ def edge_bands(arm, reach, blocks, within_m, step_m, q_rad, edges, node_offset, 
         n_out = n
         offset[k + 1] = n_out
     return len(edges)
-
-
-@kernel
-def change_layers(  # type: ignore[no-untyped-def]
-    cells, sign, shape, block_cells, block_count, n_bands, n_bits, node_offset, node_owner, node, edge_offset, edge_owner, edge
-):
-    """Take in that ``cells`` (C,) appeared (``sign`` 1) or are gone (-1); only blocks that become occupied or empty cost anything.
-
-    Args:
-        shape: (3,) of the grid of cells. block_cells: cells along a block's edge.
-        block_count: (n_blocks,) occupied cells of each block.
-        n_bands, n_bits: bands, and bits of each in a count.
-        node_offset, node_owner, edge_offset, edge_owner: rows by entry, in pages.
-        node, edge: (N,), (M,) uint64 occupied blocks by band.
-    """
-    blocks_y, blocks_z = -(-shape[1] // block_cells), -(-shape[2] // block_cells)
-    changed, n = np.empty(len(cells), dtype=np.int64), 0
-    for cell in cells:
-        x, y, z = cell // (shape[1] * shape[2]), (cell // shape[2]) % shape[1], cell % shape[2]
-        block = ((x // block_cells) * blocks_y + y // block_cells) * blocks_z + z // block_cells
-        before = block_count[block]
-        block_count[block] = before + sign
-        if before == 0 or before + sign == 0:
-            changed[n] = block
-            n += 1
-    _add_to_bands(changed[:n], sign, n_bands, n_bits, node_offset, node_owner, node)
-    _add_to_bands(changed[:n], sign, n_bands, n_bits, edge_offset, edge_owner, edge)
-
-
-@leaf
-def _add_to_bands(blocks, sign, n_bands, n_bits, row_offset, row_owner, count):  # type: ignore[no-untyped-def]
-    """Add ``sign`` to the band of every owner in the rows of ``blocks``."""
-    n = len(blocks)
-    for page in range(len(row_offset)):
-        offset, mine = row_offset[page], count[page * PAGE :]
-        for b in range(n):
-            if b + 2 * AHEAD < n:
-                prefetch(offset, np.int64(blocks[b + 2 * AHEAD] * n_bands))
-            if b + AHEAD < n:
-                fetch_row(offset, row_owner, blocks[b + AHEAD] * n_bands, (blocks[b + AHEAD] + 1) * n_bands)
-            for k in range(n_bands):
-                row, one = blocks[b] * n_bands + k, np.uint64(sign << (k * n_bits))  # of -1 what makes the sum wrap round to one less
-                for owner in row_owner[offset[row] : offset[row + 1]]:
-                    mine[np.uint64(owner)] += one

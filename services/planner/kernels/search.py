@@ -17,7 +17,6 @@ __all__ = ["NOT_FOUND", "best_first", "breadth_first", "pop", "push", "surcharge
 
 NOT_FOUND = -1
 MARK_BITS, MARK_MASK = 6, 63
-ALL_BITS = np.uint64(0xFFFF_FFFF_FFFF_FFFF)
 
 
 @leaf
@@ -58,18 +57,11 @@ def pop(heap_key, heap_node, size):  # type: ignore[no-untyped-def]
 def surcharged(length, near, n, m, edge):  # type: ignore[no-untyped-def]
     """Cost of an edge of ``length`` between neurons ``n`` and ``m``: more in the band of the nearest thing to any of the three.
 
-    ``near``: :class:`services.planner.core.layer_table.Near`. Never less than the length, so A*'s bound stays admissible.
+    ``near``: :class:`services.planner.core.near.Near`. Never less than the length, so A*'s bound stays admissible.
     """
     if len(near.factor) == 0:
         return length
-    counts = near.node[n] | near.node[m] | near.edge[edge]
-    if counts == 0:
-        return length
-    band, bits, of_a_band = 0, np.uint64(near.n_bits), ALL_BITS >> np.uint64(64 - near.n_bits)  # one band alone has all 64
-    while counts & of_a_band == 0:
-        counts >>= bits
-        band += 1
-    return length * near.factor[band]
+    return length * near.factor[min(near.node[n], near.node[m], near.edge[edge])]
 
 
 @leaf

@@ -17,7 +17,7 @@ from services.planner.kernels.cells import BLOCK, GROUP
 from services.planner.kernels.collision import ROOT3
 from services.planner.kernels.reach import look_far, reach_grid
 
-__all__ = ["SpeedLaw", "allowed_speed", "body_separation", "needed_separation", "speed_caps"]
+__all__ = ["SpeedLaw", "allowed_speed", "body_separation", "caps_among", "needed_separation", "speed_caps"]
 
 
 class SpeedLaw(NamedTuple):
@@ -223,3 +223,11 @@ def speed_caps(arm, reach, cells, law, s, q, d1, speed, cap):  # type: ignore[no
             _cap_body(arm, reach, cells, law, s, b, rate, bound, rotation, translation, apart, cap)
             for i in range(n):
                 bound[i] = min(bound[i], math.sqrt(cap[i]))
+
+
+@kernel
+def caps_among(caps, s, q, d1, speed, cap):  # type: ignore[no-untyped-def]
+    """Fill ``cap`` (N,) with the bounds by what stands and by what may move; ``caps``: :class:`services.planner.core.separation.Caps`."""
+    cap[:] = np.inf
+    speed_caps(caps.arm, caps.reach, caps.standing, caps.standing_law, s, q, d1, speed, cap)
+    speed_caps(caps.arm, caps.reach, caps.moving, caps.moving_law, s, q, d1, speed, cap)

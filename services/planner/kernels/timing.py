@@ -14,8 +14,9 @@ import numpy as np
 
 from common.kernel import copy_row, kernel, leaf
 from common.robot.rates import hermite_rates
+from services.planner.kernels.separation import caps_among
 
-__all__ = ["CANNOT_ENTER", "astray", "fastest_profile", "fastest_within"]
+__all__ = ["CANNOT_ENTER", "astray", "fastest_profile", "fastest_under_caps", "fastest_within"]
 
 CANNOT_ENTER = -1
 TINY = 1e-12
@@ -169,6 +170,36 @@ def fastest_within(  # type: ignore[no-untyped-def]
                 speed[i] = math.sqrt(x[i]) / factors[f]
             return f
     return len(factors)
+
+
+@kernel
+def fastest_under_caps(  # type: ignore[no-untyped-def]
+    s, q, d1, d2, d2_before, velocity, acceleration, caps, dq_start, factors, cap, speed, upper, time, dq, astray_rad
+):
+    """:func:`fastest_within` no faster than ``caps`` allow where that motion would be faster; by itself where under them there is none.
+
+    To get out of a way that is blocked counts more than to be slow.
+
+    Args:
+        caps: :class:`services.planner.core.separation.Caps`.
+        cap: (N,) out: what they allow. The others as for :func:`fastest_within`.
+    """
+    cap[:] = np.inf
+    k = fastest_within(s, q, d1, d2, d2_before, velocity, acceleration, cap, dq_start, factors, speed, upper, time, dq, astray_rad)
+    if k in (CANNOT_ENTER, len(factors)):
+        return k
+    caps_among(caps, s, q, d1, speed, cap)
+    is_bounded = False
+    for i in range(len(s)):
+        is_bounded = is_bounded or speed[i] * speed[i] > cap[i]
+    if not is_bounded:
+        return k
+    free_time, free_dq, free_astray_rad = time.copy(), dq.copy(), astray_rad.copy()
+    capped = fastest_within(s, q, d1, d2, d2_before, velocity, acceleration, cap, dq_start, factors, speed, upper, time, dq, astray_rad)
+    if capped in (CANNOT_ENTER, len(factors)):
+        time[:], dq[:], astray_rad[:] = free_time, free_dq, free_astray_rad
+        return k
+    return capped
 
 
 @leaf

@@ -8,11 +8,10 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from common.errors import ConfigError, TolmanError
+from common.errors import TolmanError
 from common.geometry.grid import Grid
 from services.planner.config import PlannerConfig
 from services.planner.core.cognitive_map import CognitiveMap
-from services.planner.core.layer_table import most_blocks
 from services.planner.core.layers import LayerRules, build_layers
 from services.planner.core.lookup import LookupTable, build_table
 from services.planner.core.neuron_index import in_order_of_place
@@ -98,20 +97,8 @@ def table_of(scene: Scene, config: PlannerConfig, learned: CognitiveMap, progres
 
 
 def layer_rules(arm: Arm, grid: Grid, config: PlannerConfig) -> LayerRules | None:
-    """The rules of the layers that the config asks for; None if for none.
-
-    Raises:
-        ConfigError: so many layers and blocks that they cannot be counted; names the section.
-    """
+    """The rules of the layers that the config asks for; None if for none."""
     clearance, margins = config.clearance, config.margins
     if not clearance.layers_m:
         return None
-    rules = LayerRules.of(arm, grid, clearance.layers_m, clearance.block_m, safety_m=margins.safety_m, step_m=margins.edge_step_m)
-    n_layers, n_blocks = len(clearance.layers_m), rules.n_entries // len(clearance.layers_m)
-    if n_blocks > most_blocks(n_layers):
-        raise ConfigError(
-            f"[planner.clearance]: layers_m has {n_layers} layers and block_m = {clearance.block_m:g} makes {n_blocks} blocks of the grid; "
-            f"with so many layers {most_blocks(n_layers)} can be counted: fewer layers, or larger blocks",
-            facts={"n_layers": n_layers, "n_blocks": n_blocks},
-        )
-    return rules
+    return LayerRules.of(arm, grid, clearance.layers_m, clearance.block_m, safety_m=margins.safety_m, step_m=margins.edge_step_m)

@@ -203,7 +203,8 @@ def test_what_the_box_would_hit_is_barred_and_stays_so(loaded: Loaded) -> None:
     counts.set_cells(cells[:0])
     assert np.array_equal(np.flatnonzero(counts.node), table.barred_nodes)
     assert np.array_equal(np.flatnonzero(counts.edge), table.barred_edges)
-    assert not counts.near.node.any() and not counts.near.edge.any()
+    n_bands = table.layers.n_bands
+    assert np.all(counts.near.node == n_bands) and np.all(counts.near.edge == n_bands)
 
 
 @settings(max_examples=25, deadline=None)

@@ -16,16 +16,17 @@ from common.errors import ConfigError
 from common.geometry.grid import Grid
 from common.robot.pairs import coal_mesh
 from services.planner.config import PlannerConfig
+from services.planner.core import layer_table
 from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.find import PathFinder
 from services.planner.core.growth import Addition, Ground, grown
-from services.planner.core.layer_table import NO_LAYERS, NearCounts
+from services.planner.core.layer_table import NO_LAYERS
 from services.planner.core.layers import LayerRules, build_layers
 from services.planner.core.lookup import BlockedCounts, LookupTable, build_table, cells_of_pose
+from services.planner.core.near import NearCounts
 from services.planner.core.roadmap import Roadmap
 from services.planner.kernels.moves import segment_steps
-from services.planner.offline.finishing import layer_rules
-from tests.support.slow_layers import bands_of, lowest_band, slow_pose_bands
+from tests.support.slow_layers import slow_nearest, slow_pose_bands
 
 GRID = Grid((-0.8, -0.8, 0.0), (41, 40, 25), 0.04)  # odd sides: the last blocks stick out
 BEYOND_M = [0.02, 0.05, 0.10]
@@ -108,38 +109,36 @@ def _table(small):
     return LookupTable(*rows, *rows, np.empty(0, dtype=np.int32), small.layers)
 
 
-def _recount(small, cells):
-    """Counts from nothing: every block with a cell in it adds one to each owner in its rows."""
-    table = small.layers
+def _nearest(small, cells):
+    """By blocks from nothing."""
     shape = -(-np.asarray(GRID.shape) // 2)
     blocks = {int(np.ravel_multi_index(np.array(np.unravel_index(c, GRID.shape)) // 2, shape)) for c in cells}
-    node, edge = np.zeros((8, 3), dtype=int), np.zeros((5, 3), dtype=int)
-    for block in blocks:
-        for band in range(3):
-            node[table.neurons_of(block, band), band] += 1
-            edge[table.edges_of(block, band), band] += 1
-    return node, edge
+    return slow_nearest(small.layers, blocks, 8, 5)
 
 
 def _with_ends(near, edges):
     """(M,) the band of each edge, its ends included."""
-    return np.minimum(lowest_band(near.edge, 3), lowest_band(near.node, 3)[edges].min(axis=1))
+    return np.minimum(near.edge, near.node[edges].min(axis=1))
 
 
 CELLS = st.sets(st.integers(0, GRID.n_cells - 1), max_size=60)
 
 
+@pytest.mark.parametrize("owners_of_a_set", [0, 2, 32])  # all rows are lists, some, none
 @settings(max_examples=40, deadline=None)
-@given(st.lists(CELLS, min_size=1, max_size=5))
-def test_counts_follow_differences_and_equal_a_recount(small, frames):
-    counts = BlockedCounts(_table(small), 8, 5)
+@given(frames=st.lists(CELLS, min_size=1, max_size=5))
+def test_what_is_near_follows_differences_and_equals_a_recount(small, owners_of_a_set, frames):
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(layer_table, "OWNERS_OF_A_SET", owners_of_a_set)
+        counts = BlockedCounts(replace(_table(small), layers=replace(small.layers)), 8, 5)
     for frame in frames:
         counts.set_cells(np.array(sorted(frame), dtype=np.int32))
-    node, edge = _recount(small, frames[-1])
-    assert np.array_equal(bands_of(counts.near.node, 3), node) and np.array_equal(bands_of(counts.near.edge, 3), edge)
+    node, edge = _nearest(small, frames[-1])
+    assert np.array_equal(counts.near.node, node) and np.array_equal(counts.near.edge, edge)
     fewer = counts.without(np.array(sorted(frames[-1])[::2], dtype=np.int32))
-    node_left, _ = _recount(small, sorted(frames[-1])[1::2])
-    assert np.array_equal(bands_of(fewer.near.node, 3), node_left) and np.array_equal(bands_of(counts.near.node, 3), node)
+    node_left, edge_left = _nearest(small, sorted(frames[-1])[1::2])
+    assert np.array_equal(fewer.near.node, node_left) and np.array_equal(fewer.near.edge, edge_left)
+    assert np.array_equal(counts.near.node, node) and np.array_equal(counts.near.edge, edge)
 
 
 @settings(max_examples=40, deadline=None)
@@ -147,9 +146,9 @@ def test_counts_follow_differences_and_equal_a_recount(small, frames):
 def test_more_cells_never_raise_a_band(small, some, more):
     counts = BlockedCounts(_table(small), 8, 5)
     counts.set_cells(np.array(sorted(some), dtype=np.int32))
-    node, edge = lowest_band(counts.near.node, 3), _with_ends(counts.near, small.edges)
+    node, edge = counts.near.node.copy(), _with_ends(counts.near, small.edges)
     counts.set_cells(np.array(sorted(some | more), dtype=np.int32))
-    assert np.all(lowest_band(counts.near.node, 3) <= node) and np.all(_with_ends(counts.near, small.edges) <= edge)
+    assert np.all(counts.near.node <= node) and np.all(_with_ends(counts.near, small.edges) <= edge)
 
 
 @settings(max_examples=40, deadline=None)
@@ -163,7 +162,7 @@ def test_enclosed_cells_change_no_band(bench, small, boxes):
     outer, every = BlockedCounts(table, 8, 5, GRID.shape), BlockedCounts(table, 8, 5)
     for counts in (outer, every):
         counts.set_cells(np.setdiff1d(np.flatnonzero(full), table.unavoidable).astype(np.int32))
-    assert np.array_equal(lowest_band(outer.near.node, 3), lowest_band(every.near.node, 3))
+    assert np.array_equal(outer.near.node, every.near.node)
     assert np.array_equal(_with_ends(outer.near, small.edges), _with_ends(every.near, small.edges))
 
 
@@ -199,16 +198,11 @@ def test_no_layers_cost_nothing(bench):
     assert counts.node.tolist() == [0] * 4
 
 
-def test_more_layers_than_can_be_counted_are_refused_with_their_place(bench):
-    def rules(n_layers, block_m):
-        layers_m = [round(0.01 * (k + 1), 2) for k in range(n_layers)]
-        overrides = [f"planner.clearance.layers_m={layers_m}", f"planner.clearance.block_m={block_m}"]
-        return layer_rules(bench.checker.arm, bench.grid, load(None, "planner", PlannerConfig, overrides)[1])
-
-    assert rules(4, 0.04) is not None
-    with pytest.raises(ConfigError, match=r"\[planner.clearance\]: layers_m has 5 layers and block_m = 0.04 makes 40000 blocks.*4095"):
-        rules(5, 0.04)
-    assert rules(5, 0.1) is not None
+def test_too_many_layers_are_refused_with_their_place():
+    layers_m = [round(0.01 * (k + 1), 2) for k in range(17)]
+    with pytest.raises(ConfigError, match="layers_m"):
+        load(None, "planner", PlannerConfig, [f"planner.clearance.layers_m={layers_m}"])
+    assert load(None, "planner", PlannerConfig, [f"planner.clearance.layers_m={layers_m[:16]}"]) is not None
 
 
 def test_surcharges_need_their_layers(bench, small):

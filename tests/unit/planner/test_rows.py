@@ -79,9 +79,10 @@ def test_counts_of_many_owners_are_those_of_plain_lists(neurons, edges, before, 
     counts = BlockedCounts(LookupTable(*rows, NO_CELLS, layers), n, m)
     for cells in (before, after):
         counts.set_cells(np.array(sorted(cells), dtype=np.int32))
-    for swept, *found in ((neurons, counts.node, counts.near.node), (edges, counts.edge, counts.near.edge)):
-        expected = slow_counts(dict(enumerate(by_cell(swept))), after, len(found[0]))
-        assert all(np.array_equal(count, expected) for count in found)
+    for swept, count, nearest in ((neurons, counts.node, counts.near.node), (edges, counts.edge, counts.near.edge)):
+        expected = slow_counts(dict(enumerate(by_cell(swept))), after, len(count))
+        assert np.array_equal(count, expected)
+        assert np.array_equal(nearest, np.where(expected > 0, 0, 1))
 
 
 def test_a_file_holds_the_same_rows() -> None:

@@ -10,13 +10,12 @@ from scipy.spatial import KDTree
 
 from services.planner.core.cognitive_map import CognitiveMap
 from services.planner.core.find import FREE_OF_CHARGE, SEARCHES
-from services.planner.core.layer_table import Near
 from services.planner.core.lookup import LookupTable
+from services.planner.core.near import Near
 from services.planner.core.roadmap import Roadmap
 from services.planner.kernels.bidirectional import both_ends
 from services.planner.kernels.buckets import queue_length
 from services.planner.kernels.search import NOT_FOUND, best_first, breadth_first
-from tests.support.slow_layers import bands_of
 from tests.support.slow_planner import slow_dijkstra
 
 
@@ -84,11 +83,8 @@ def test_costs_equal_the_slow_twin(seed, share_blocked, search, share_banned, sp
 
 def _near(r, rng, share, weights):
     """Some neurons and edges with something in one band or another."""
-    n_bits, words = 64 // len(weights), []
-    for k in (r.n_neurons, r.n_edges):
-        blocks = (rng.random((k, len(weights))) < share) * rng.integers(1, 1 << n_bits - 1, (k, len(weights)))
-        words.append((blocks.astype(np.uint64) << (np.arange(len(weights)) * n_bits).astype(np.uint64)).sum(axis=1, dtype=np.uint64))
-    return Near(*words, n_bits, 1.0 + np.array(weights))
+    bands = (np.where(rng.random(k) < share, rng.integers(0, len(weights), k), len(weights)) for k in (r.n_neurons, r.n_edges))
+    return Near(*(band.astype(np.uint8) for band in bands), np.array([*(1.0 + np.array(weights)), 1.0]))
 
 
 @settings(max_examples=120, deadline=None)
@@ -102,9 +98,8 @@ def test_all_searches_find_the_way_of_least_weighed_cost(seed, share, weights):
     goals = {int(k): float(np.linalg.norm(r.neurons_rad[k] - q_goal)) for k in rng.choice(80, 6, replace=False)}
 
     def cost_of(e, a, b):
-        near_a, near_b, near_e = (bands_of(word, len(weights)) for word in (near.node[[a]], near.node[[b]], near.edge[[e]]))
-        bands = [k for k in range(len(weights)) if near_a[0, k] or near_b[0, k] or near_e[0, k]]
-        return float(np.linalg.norm(r.neurons_rad[a] - r.neurons_rad[b])) * (1.0 + (weights[bands[0]] if bands else 0.0))
+        band = min(near.node[a], near.node[b], near.edge[e])
+        return float(np.linalg.norm(r.neurons_rad[a] - r.neurons_rad[b])) * (1.0 + [*weights, 0.0][band])
 
     free = {(int(a), int(b)): cost_of(e, a, b) for e, (a, b) in enumerate(r.edges) if not (node[a] or node[b])}
     expected = slow_dijkstra(80, free, *({k: c for k, c in joins.items() if not node[k]} for joins in (starts, goals)))

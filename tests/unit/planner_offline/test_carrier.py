@@ -79,7 +79,7 @@ def test_all_that_plans_is_exchanged_and_counts_the_live_cells(parts: Parts, ref
     fresh = BlockedCounts(held.table, held.n_neurons, held.n_edges)
     fresh.set_cells(cells)
     assert np.array_equal(reflex.vision.counts.node, fresh.node) and np.array_equal(reflex.vision.counts.edge, fresh.edge)
-    assert np.array_equal(reflex.vision.counts.near.node, fresh.near.node) and fresh.near.node.any()
+    assert np.array_equal(reflex.vision.counts.near.node, fresh.near.node) and (fresh.near.node == 0).any()
     assert reflex.vision.counts.n_blocked > 0
     bare = waiting.ready_for(parts, None)
     bare.adopt(reflex)
