@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from copy import copy
 from typing import NamedTuple
 
 import numpy as np
@@ -60,7 +61,7 @@ class NearCounts:
 
     def copy(self) -> NearCounts:
         """The same counts, to be changed independently."""
-        twin, b = NearCounts(self._table, 0, 0), self._blocks
+        twin, b = copy(self), self._blocks
         twin._blocks = b._replace(n_cells=b.n_cells.copy(), occupied=b.occupied.copy(), place=b.place.copy(), n=b.n.copy())
         twin._nodes, twin._edges = (
             r._replace(joined=r.joined.copy(), n_blocks=r.n_blocks.copy(), nearest=r.nearest.copy()) for r in (self._nodes, self._edges)

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from services.planner.core import layer_table
 from services.planner.core.layer_table import LayerTable
 from services.planner.core.lookup import BlockedCounts, LookupTable
 from services.planner.core.rows import flat_rows, merged, n_pages, owners_in, rows_of_flat, transposed
@@ -69,14 +70,18 @@ def test_merged_rows_are_those_of_the_twin_and_of_a_table_made_at_once(swept, n_
         assert all(np.array_equal(a, b) for a, b in zip(rows, at_once, strict=True))
 
 
+@pytest.mark.parametrize("owners_of_a_set", [32, PAGE])  # no row of the layers is a set of bits; all are
 @settings(max_examples=30, deadline=None)
-@given(SWEPT, SWEPT, SOME, SOME)
-def test_counts_of_many_owners_are_those_of_plain_lists(neurons, edges, before, after) -> None:
+@given(neurons=SWEPT, edges=SWEPT, before=SOME, after=SOME)
+def test_counts_of_many_owners_are_those_of_plain_lists(owners_of_a_set, neurons, edges, before, after) -> None:
     """Of the table and of its layers, the cells here being blocks of one cell and one band."""
     n, m = 2 * PAGE + 6, 2 * PAGE + 9
     rows = *transposed(*by_owner(neurons, n), CELLS, NO_CELLS), *transposed(*by_owner(edges, m), CELLS, NO_CELLS)
     layers = LayerTable(np.array([0.1]), np.array([CELLS, 1, 1]), 1, *rows)
-    counts = BlockedCounts(LookupTable(*rows, NO_CELLS, layers), n, m)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(layer_table, "OWNERS_OF_A_SET", owners_of_a_set)
+        counts = BlockedCounts(LookupTable(*rows, NO_CELLS, layers), n, m)
+    assert len(layers.node_sets.words) == (int((np.diff(layers.node_offset, axis=1) > 0).sum()) if owners_of_a_set == PAGE else 0)
     for cells in (before, after):
         counts.set_cells(np.array(sorted(cells), dtype=np.int32))
     for swept, count, nearest in ((neurons, counts.node, counts.near.node), (edges, counts.edge, counts.near.edge)):
