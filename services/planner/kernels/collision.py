@@ -39,6 +39,7 @@ __all__ = [
     "farthest_m",
     "frames_verdict",
     "no_slack",
+    "octant_middle",
     "pair_gap",
     "pose_hits_cell",
     "pose_is_free",
@@ -108,7 +109,7 @@ def _cube_room(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ig
     room = np.inf
     inner_octant, outer_octant, outer_part = safety_m + 0.5 * half_m, safety_m + 0.5 * half_m * ROOT3, safety_m + 0.25 * half_m * ROOT3
     for octant in range(8):
-        ox, oy, oz = _octant_middle(rotation, x, y, z, 0.5 * half_m, octant)
+        ox, oy, oz = octant_middle(rotation, x, y, z, 0.5 * half_m, octant)
         middle = look_close(distance, grid, ox, oy, oz, inner_octant, outer_octant)
         if middle > outer_octant:
             room = min(room, middle - outer_octant)
@@ -116,7 +117,7 @@ def _cube_room(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ig
         if middle <= inner_octant:
             return 0.0
         for part in range(8):
-            px, py, pz = _octant_middle(rotation, ox, oy, oz, 0.25 * half_m, part)
+            px, py, pz = octant_middle(rotation, ox, oy, oz, 0.25 * half_m, part)
             near = look_close(distance, grid, px, py, pz, outer_part, outer_part)
             if near <= outer_part:
                 return 0.0
@@ -125,7 +126,7 @@ def _cube_room(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ig
 
 
 @leaf
-def _octant_middle(rotation, x, y, z, step_m, octant):  # type: ignore[no-untyped-def]
+def octant_middle(rotation, x, y, z, step_m, octant):  # type: ignore[no-untyped-def]
     """``step_m`` along each world axis from (x, y, z), in the body's frame; the bits of ``octant`` say which way."""
     sx = step_m if octant & 1 else -step_m
     sy = step_m if octant & 2 else -step_m

@@ -11,8 +11,8 @@ import math
 import numpy as np
 
 from common.kernel import kernel, leaf
-from common.robot.kernels import forward_kinematics, to_joint_frame
-from services.planner.kernels.collision import ROOT3
+from common.robot.kernels import forward_kinematics
+from services.planner.kernels.collision import ROOT3, octant_middle
 from services.planner.kernels.moves import segment_steps
 from services.planner.kernels.reach import look_far, reach_grid
 
@@ -20,12 +20,12 @@ __all__ = ["edge_bands", "node_bands"]
 
 
 @leaf
-def _band(distance, grid, turn, shift, x, y, z, half_m, within_m, n_below):  # type: ignore[no-untyped-def]
-    """The smallest band below ``n_below`` in which the cube around a world point lies as seen from a body; ``n_below`` if none.
+def _band(distance, grid, turn, u, v, w, half_m, within_m, n_below):  # type: ignore[no-untyped-def]
+    """The smallest band below ``n_below`` in which the cube around a point lies as seen from a body; ``n_below`` if none.
 
     The rule of :func:`services.planner.kernels.collision.cell_touches_body` for each layer: the cube's ball, else its eight octants.
+    ``u, v, w``: the point in the body's frame, whose rotation is ``turn``.
     """
-    u, v, w = to_joint_frame(turn, shift, x, y, z)
     centre = look_far(distance, grid, u, v, w)
     if centre > within_m[n_below - 1] + half_m * ROOT3:
         return n_below
@@ -38,11 +38,8 @@ def _band(distance, grid, turn, shift, x, y, z, half_m, within_m, n_below):  # t
             continue
         if octants == np.inf:
             for octant in range(8):
-                sx = quarter if octant & 1 else -quarter
-                sy = quarter if octant & 2 else -quarter
-                sz = quarter if octant & 4 else -quarter
-                u, v, w = to_joint_frame(turn, shift, x + sx, y + sy, z + sz)
-                octants = min(octants, look_far(distance, grid, u, v, w))
+                x, y, z = octant_middle(turn, u, v, w, quarter, octant)
+                octants = min(octants, look_far(distance, grid, x, y, z))
         if octants <= within_m[k] + quarter * ROOT3:
             return k
     return n_below
@@ -76,15 +73,21 @@ def _pose_bands(arm, reach, blocks, within_m, rotation, translation, mark, seen,
         y_first, y_last = _blocks_along(box, 1)
         z_first, z_last = _blocks_along(box, 2)
         for ix in range(x_first, x_last + 1):
+            px = origin_m[0] + (ix + 0.5) * block_m - shift[0]
             for iy in range(y_first, y_last + 1):
+                py = origin_m[1] + (iy + 0.5) * block_m - shift[1]
+                u = turn[0, 0] * px + turn[1, 0] * py
+                v = turn[0, 1] * px + turn[1, 1] * py
+                w = turn[0, 2] * px + turn[1, 2] * py
                 for iz in range(z_first, z_last + 1):
                     block = (ix * shape[1] + iy) * shape[2] + iz
                     known = seen[block] - base_mark
                     n_below = known if 0 <= known < n_bands else n_bands
                     if n_below == 0:
                         continue
-                    x, y, z = origin_m[0] + (ix + 0.5) * block_m, origin_m[1] + (iy + 0.5) * block_m, origin_m[2] + (iz + 0.5) * block_m
-                    band = _band(distance, grid, turn, shift, x, y, z, half_m, within_m, n_below)
+                    pz = origin_m[2] + (iz + 0.5) * block_m - shift[2]
+                    at = (u + turn[2, 0] * pz, v + turn[2, 1] * pz, w + turn[2, 2] * pz)
+                    band = _band(distance, grid, turn, *at, half_m, within_m, n_below)
                     if band == n_below:
                         continue
                     seen[block] = base_mark + band
