@@ -53,11 +53,13 @@ def run(args: argparse.Namespace) -> int:
     cell, config = load(args.config, "planner", PlannerConfig, args.override)
     _apart(compile_kernels, cell, config)
     rows: list[dict[str, Any]] = []
+    solvable: dict[float, dict[int, bool]] = {}  # by edge of the cells: the questions are the same whatever the map
     print(HEADER)
     for size in sizes_of(args):
         at = *at_size(cell, config, size), str(size)
         figures = _apart(built_at_size, *at, force=args.force)
-        rows.append({"cell_m": size.cell_m, **figures, **_apart(questions_at_size, *at, args.n, args.seed)})
+        asked, solvable[size.cell_m] = _apart(questions_at_size, *at, args.n, args.seed, solvable.get(size.cell_m, {}))
+        rows.append({"cell_m": size.cell_m, **figures, **asked})
         print(_line(rows[-1]), flush=True)
         if args.json is not None:
             report = {**provenance(args.seed, plain(config)), "set": "task", "n": args.n, "sizes": rows}

@@ -8,7 +8,7 @@ import resource
 import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -112,8 +112,13 @@ def _kept(job: Job, beside: Path) -> dict[str, Any] | None:
     return dict(record["figures"]) if record["sha256"] == built.sha256 else None
 
 
-def questions_at_size(cell: CellConfig, config: PlannerConfig, name: str, n: int, seed: int) -> dict[str, Any]:
-    """Figures of the questions of the set ``task`` put to a kept map alone, and times of those it solved. Call it in a fresh process."""
+def questions_at_size(
+    cell: CellConfig, config: PlannerConfig, name: str, n: int, seed: int, known: Mapping[int, bool]
+) -> tuple[dict[str, Any], dict[int, bool]]:
+    """Figures of the questions of the set ``task`` put to a kept map alone, and times of those it solved. Call it in a fresh process.
+
+    ``known``: by index of a question, whether it can be solved, as far as maps with the same cells have shown; returned for all of them.
+    """
     parts = assemble(cell, config)
     rehearse(parts, time.monotonic_ns)
     console = Console(stderr=True)
@@ -123,9 +128,10 @@ def questions_at_size(cell: CellConfig, config: PlannerConfig, name: str, n: int
     resident_bytes = _resident_bytes()
     solved = [answer.ms for answer in answers if answer.way is not None]
     pairs = track(list(zip(asked, answers, strict=True)), f"{name}: solvable?", console=console)
-    n_solvable = sum(answer.way is not None or is_solvable(parts, question) for question, answer in pairs)
+    solvable = {q.index: answer.way is not None or (known[q.index] if q.index in known else is_solvable(parts, q)) for q, answer in pairs}
+    n_solvable = sum(solvable.values())
     stages = ("update", "connect_search", "answer") if solved else ()
-    return {
+    figures = {
         "planner_bytes": resident_bytes,
         "n_questions": n,
         "n_solvable": n_solvable,
@@ -133,6 +139,7 @@ def questions_at_size(cell: CellConfig, config: PlannerConfig, name: str, n: int
         "solved_share": len(solved) / max(1, n_solvable),
         **{f"{stage}_ms": percentiles([ms[stage] for ms in solved]) for stage in stages},
     }
+    return figures, solvable
 
 
 def _resident_bytes() -> int:

@@ -27,6 +27,7 @@ def test_each_size_is_built_asked_and_drawn(tmp_path: Path, capsys: pytest.Captu
         assert row["artefact_bytes"] > row["table_bytes"] + row["layer_bytes"]
         assert row["build_peak_bytes"] > 10_000_000 and row["planner_bytes"] > 10_000_000
         assert row["n_solved"] == 0 or 0.0 < row["connect_search_ms"]["p50"] <= row["answer_ms"]["p50"]
+    assert small["n_solvable"] <= large["n_solvable"], "the same questions in the same cells"
     assert png.read_bytes().startswith(b"\x89PNG")
     assert main(command) == 0
     again = json.loads(told.read_text(encoding="utf-8"))["sizes"]
