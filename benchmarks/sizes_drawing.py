@@ -32,14 +32,15 @@ def draw(rows: Sequence[Row], png: Path) -> None:
         (list(rows), "neurons", 1.0)
     ]
     with style():
-        drawing = new_drawing(11.5, 3.4 * len(lines))
+        drawing = new_drawing(11.5, 1.0 + 3.2 * len(lines))
         for axes, (chosen, label, factor) in zip(plots(drawing, len(lines), 3), lines, strict=True):
             x = [factor * row["cell_m" if factor > 1.0 else "neurons"] for row in chosen]
             for axis, fill in zip(axes, (_build, _bytes, _replan), strict=True):
                 fill(axis, x, chosen)
                 axis.set(xlabel=label, xscale="log", yscale="log")
                 plain_log(axis.xaxis, x)
-                axis.legend(fontsize=8.0)
+                if chosen is lines[0][0]:  # the lines below are the same
+                    axis.legend(fontsize=8.0, ncols=2, loc="lower center", bbox_to_anchor=(0.5, 1.0))
         drawing.savefig(png)
 
 
