@@ -38,11 +38,17 @@ lint: $(STAMP) ## ruff, mypy --strict, import law
 	$(BIN)/mypy
 	$(BIN)/lint-imports
 
-bench: $(STAMP) ## the figures of README, one JSON each, into report/
+bench: $(STAMP) ## the figures of README, one JSON each, into report/ (hours; PROBLEMS=FILE: MotionBenchMaker's problems too)
 	mkdir -p report
 	$(BIN)/tolman build --force --json report/build.json
-	for set in task off_task wall; do $(BIN)/tolman bench replan --set $$set --n 500 --json report/replan-$$set.json || exit 1; done
+	for set in task off_task; do $(BIN)/tolman bench replan --set $$set --n 500 --json report/replan-$$set.json || exit 1; done
+	$(BIN)/tolman bench replan --set wall --n 100 --json report/replan-wall.json
+	$(BIN)/tolman bench learned --set task --n 500 --json report/learned.json
+	$(BIN)/tolman bench payload --box 0.05 0.05 0.08 --json report/payload.json
 	for seed in 0 1 2 3 4; do $(BIN)/tolman demo --headless --seconds 120 --seed $$seed --json report/demo-$$seed.json || exit 1; done
+	$(BIN)/tolman bench peers --set task --n 500 --json report/peers.json
+	$(BIN)/tolman bench sizes --json report/sizes.json --plot report/sizes.png
+	test -z "$(PROBLEMS)" || $(BIN)/tolman bench solve --robot ur5 --problems "$(PROBLEMS)" --folds 7 --json report/solve.json
 
 paper: $(STAMP) ## the paper's experiments beside ours, as a report in report/ (45 minutes; trains the maps first)
 	$(BIN)/tolman paper --out report
