@@ -12,6 +12,7 @@ import json
 import multiprocessing
 from collections.abc import Callable
 from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from benchmarks.provenance import provenance
 from benchmarks.sizes import Size, at_size, built_at_size, compile_kernels, questions_at_size
 from common.cell import load
 from common.config import plain
+from common.errors import RequestError, TolmanError
 from services.planner.config import PlannerConfig
 
 __all__ = ["add_arguments", "run"]
@@ -51,12 +53,15 @@ def sizes_of(args: argparse.Namespace) -> list[Size]:
 def run(args: argparse.Namespace) -> int:
     """Build, ask, print, write, draw; the files are written again after each size."""
     cell, config = load(args.config, "planner", PlannerConfig, args.override)
+    if args.n < 1:
+        raise RequestError(f"--n {args.n}: at least one question is needed", code="out_of_range")
+    sizes = [(size, *at_size(cell, config, size)) for size in sizes_of(args)]  # what cannot be built is told before anything is
     _apart(compile_kernels, cell, config)
     rows: list[dict[str, Any]] = []
     solvable: dict[float, dict[int, bool]] = {}  # by edge of the cells: the questions are the same whatever the map
     print(HEADER)
-    for size in sizes_of(args):
-        at = *at_size(cell, config, size), str(size)
+    for size, *of_size in sizes:
+        at = *of_size, str(size)
         figures = _apart(built_at_size, *at, force=args.force)
         asked, solvable[size.cell_m] = _apart(questions_at_size, *at, args.n, args.seed, solvable.get(size.cell_m, {}))
         rows.append({"cell_m": size.cell_m, **figures, **asked})
@@ -72,9 +77,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _apart(work: Callable[..., Any], *args: Any, **options: Any) -> Any:
-    """The result of ``work`` in a process of its own, so that its memory is its own."""
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as executor:
-        return executor.submit(work, *args, **options).result()
+    """The result of ``work`` in a process of its own, so that its memory is its own.
+
+    Raises:
+        TolmanError: ``worker_lost``: the process was ended from outside.
+    """
+    try:
+        with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as executor:
+            return executor.submit(work, *args, **options).result()
+    except BrokenProcessPool:
+        raise TolmanError(
+            "the process that builds or asks a map was ended; ask again, what was built is kept", code="worker_lost"
+        ) from None
 
 
 HEADER = (

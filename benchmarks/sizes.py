@@ -53,19 +53,25 @@ def at_size(cell: CellConfig, config: PlannerConfig, size: Size) -> tuple[CellCo
     more ways and follows each more closely (our choice). A smaller map is made from the usual motions.
 
     Raises:
-        RequestError: cells of this size do not fill the grid.
+        RequestError: cells of this size do not fill the grid, or no map has so many neurons.
     """
+    try:
+        of_map = msgspec.convert({**msgspec.to_builtins(config.map), "n_neurons": size.neurons}, type(config.map))
+    except msgspec.ValidationError as error:
+        raise RequestError(f"--neurons {size.neurons}: {error}", code="out_of_range") from None
     finer = max(1.0, size.neurons / USUAL_NEURONS)
     motions = msgspec.structs.replace(
         config.motions,
         n_trajectories=round(config.motions.n_trajectories * finer**0.5),
         n_samples=max(config.motions.n_samples, SAMPLES_A_NEURON * size.neurons),
     )
-    changed = msgspec.structs.replace(config, motions=motions, map=msgspec.structs.replace(config.map, n_neurons=size.neurons))
+    changed = msgspec.structs.replace(config, motions=motions, map=of_map)
     return msgspec.structs.replace(cell, grid=_in_cells(cell.grid, size.cell_m)), changed
 
 
 def _in_cells(grid: GridConfig, cell_m: float) -> GridConfig:
+    if not cell_m > 0.0:
+        raise RequestError(f"--cells {cell_m}: an edge is longer than 0 m", code="out_of_range")
     nx, ny, nz = (round(n * grid.resolution_m / cell_m) for n in grid.shape)
     if any(abs(n * cell_m - old * grid.resolution_m) > 1e-9 for n, old in zip((nx, ny, nz), grid.shape, strict=True)):
         raise RequestError(f"--cells {cell_m}: the grid of {grid.shape} cells of {grid.resolution_m} m is no whole number of these cells")

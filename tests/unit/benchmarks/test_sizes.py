@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import argparse
+import os
 
 import pytest
 
-from benchmarks.bench_sizes import add_arguments, sizes_of
+from benchmarks.bench_sizes import _apart, add_arguments, sizes_of
 from benchmarks.sizes import Size, at_size
+from clients.cli.main import main
 from common.cell import CellConfig, load
-from common.errors import RequestError
+from common.errors import RequestError, TolmanError
 from services.planner.config import PlannerConfig
 
 
@@ -50,5 +52,21 @@ def test_cells_of_another_size_fill_the_same_space(cell: tuple[CellConfig, Plann
     grids = {cell_m: at_size(*cell, Size(10_000, cell_m))[0].grid for cell_m in (0.01, 0.02, 0.04)}
     assert grids[0.02] == cell[0].grid
     assert [grids[cell_m].shape for cell_m in (0.01, 0.04)] == [(160, 160, 100), (40, 40, 25)]
-    with pytest.raises(RequestError, match=r"--cells 0.03"):
-        at_size(*cell, Size(10_000, 0.03))
+
+
+@pytest.mark.parametrize(
+    ("size", "named"), [(Size(10_000, 0.03), "--cells 0.03"), (Size(10_000, 0.0), "--cells 0"), (Size(3, 0.02), "--neurons 3")]
+)
+def test_a_size_that_cannot_be_is_refused_by_name(cell: tuple[CellConfig, PlannerConfig], size: Size, named: str) -> None:
+    with pytest.raises(RequestError, match=named):
+        at_size(*cell, size)
+
+
+def test_no_questions_are_refused_before_anything_is_built(capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["bench", "sizes", "--n", "0"]) == 1
+    assert "--n 0" in capsys.readouterr().err
+
+
+def test_a_process_that_was_ended_is_an_error_of_its_own() -> None:
+    with pytest.raises(TolmanError, match="was ended"):
+        _apart(os._exit, 9)
