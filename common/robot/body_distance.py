@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from common.kernel import leaf
+from common.kernel import inlined, leaf
 from common.robot.kernels import body_grid, look_close, look_near, to_joint_frame
 
 __all__ = ["cover_distance", "pair_distance", "to_parts", "to_world"]
@@ -14,7 +14,7 @@ __all__ = ["cover_distance", "pair_distance", "to_parts", "to_world"]
 AMPLE_M = 0.05  # our choice
 
 
-@leaf
+@inlined
 def pair_distance(grids, a, b, rotation, translation, fine_m):  # type: ignore[no-untyped-def]
     """Lower bound in metres of the distance between bodies ``a`` and ``b`` (negative: overlap).
 

@@ -50,6 +50,14 @@ def test_leaves_call_only_leaves_and_kernels_that_return_no_array():
             assert _is_leaf(called) or (says_it_counts and called.__name__ in LENT_TO_LEAVES), f"{dispatcher.__name__}: {called.__name__}"
 
 
+def test_only_leaves_call_what_is_inlined():
+    """Compiled into a kernel that counts it would count as well, and be slow."""
+    kernels = _kernels().values()
+    inlined = [d for d in kernels if _is_leaf(d) and d.targetoptions.get("inline") == "always"]
+    assert len(inlined) > 0
+    assert [d.__name__ for d in kernels if not _is_leaf(d) and any(called in inlined for called in _called(d))] == []
+
+
 # Of numbers, not of arrays. Whether what creates an array (`a.sort()` does) compiles in a leaf depends on what was compiled before.
 OF_NUMBERS = {"np.exp", "np.float32", "np.floor", "np.int64", "np.isnan", "np.rint", "np.sqrt", "np.uint16", "np.uint64", "np.uint8"}
 
@@ -57,7 +65,7 @@ OF_NUMBERS = {"np.exp", "np.float32", "np.floor", "np.int64", "np.isnan", "np.ri
 def _methods_called(source: Path) -> dict[str, set[str]]:
     """Of each leaf in a file what it calls by a dotted name, but for ``math``."""
     tree = ast.parse(source.read_text(encoding="utf-8"))
-    leaves = [n for n in tree.body if isinstance(n, ast.FunctionDef) and "leaf" in [ast.unparse(d) for d in n.decorator_list]]
+    leaves = [n for n in tree.body if isinstance(n, ast.FunctionDef) and {"leaf", "inlined"} & {ast.unparse(d) for d in n.decorator_list}]
     calls = {n.name: [c.func for c in ast.walk(n) if isinstance(c, ast.Call) and isinstance(c.func, ast.Attribute)] for n in leaves}
     return {name: {ast.unparse(f) for f in called if ast.unparse(f.value) != "math"} for name, called in calls.items()}
 

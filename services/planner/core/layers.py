@@ -14,7 +14,8 @@ from common.geometry.grid import Grid
 from services.planner.core.layer_table import LayerTable
 from services.planner.core.lookup import N_THREADS, Progress, Swept, rows_of_owners
 from services.planner.core.rows import rows_of_flat, transposed
-from services.planner.kernels.collision import ROOT3, Arm
+from services.planner.kernels.body_cells import ROOT3
+from services.planner.kernels.collision import Arm
 from services.planner.kernels.layers import edge_bands, node_bands
 from services.planner.kernels.reach import Reach, reach_of
 

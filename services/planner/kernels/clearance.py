@@ -11,8 +11,8 @@ import numpy as np
 
 from common.kernel import leaf
 from common.robot.body_distance import to_world
+from services.planner.kernels.body_cells import ROOT3
 from services.planner.kernels.cells import BLOCK
-from services.planner.kernels.collision import ROOT3
 from services.planner.kernels.static_layer import solid_distance
 
 __all__ = ["pose_clearance"]

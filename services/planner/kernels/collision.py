@@ -3,8 +3,8 @@
 Table, edges, connections, curves, repairs, stops and training motions all end here. Each test errs to the safe side only, and tells by
 how much it may change until its answer could: along a way most are not asked again (:class:`Slack`).
 
-* **cells**: a cell blocks a pose if any of its points may be nearer to a moving body than the safety distance. The cell is a cube; where
-  its ball decides, no more is looked at, else its eight octants are, and where an octant's ball leaves it open, the octant's eight parts.
+* **cells**: a cell blocks a pose if any of its points may be nearer to a moving body than the safety distance
+  (:mod:`services.planner.kernels.body_cells`).
 * **static layer**: boxes, spheres and cylinders by their exact distance to the spheres that cover a body.
 * **self**: spheres of one body in the distance grid of the other.
 
@@ -13,17 +13,16 @@ Twin of the cells: ``tests/support/slow_planner.py``; of the slack: ``tests/unit
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from common.kernel import kernel, leaf
-from common.robot.body_distance import cover_distance, pair_distance, to_world
-from common.robot.kernels import FAR, BodyGrids, Chain, body_grid, forward_kinematics, look_close, look_up, to_joint_frame
+from common.kernel import inlined, kernel, leaf
+from common.robot.body_distance import pair_distance
+from common.robot.kernels import BodyGrids, Chain, body_grid, forward_kinematics, to_joint_frame
 from common.robot.pair_tables import PairTables, table_distance
-from services.planner.kernels.cells import BLOCK, GROUP
+from services.planner.kernels.body_cells import body_cell_gap, cell_touches_body
 from services.planner.kernels.static_layer import body_static_gap
 
 __all__ = [
@@ -33,13 +32,10 @@ __all__ = [
     "HIT_STATIC",
     "Arm",
     "Slack",
-    "body_cell_gap",
-    "cell_touches_body",
     "cells_that_hit",
     "farthest_m",
     "frames_verdict",
     "no_slack",
-    "octant_middle",
     "pair_gap",
     "pose_hits_cell",
     "pose_is_free",
@@ -54,9 +50,7 @@ I64 = NDArray[np.int64]
 U8 = NDArray[np.uint8]
 
 FREE, HIT_CELL, HIT_STATIC, HIT_SELF = 0, 1, 2, 3
-ROOT3 = math.sqrt(3.0)
 PAIR_FINE_M = 0.01  # pairs with less room than that beyond the margin are measured sphere by sphere; our choice
-COVER_LOOK_M = 0.02  # the same of cells beyond the distance grids' reach; our choice
 
 
 class Arm(NamedTuple):
@@ -79,120 +73,6 @@ class Slack(NamedTuple):
     cell_m: F64  # (B,) of each body against cells
     static_m: F64  # (B,) against the static layer
     pair_m: F64  # (P,) of each pair against one another
-
-
-@leaf
-def cell_touches_body(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ignore[no-untyped-def]
-    """Whether the cube around (x, y, z), given in the body's frame, may come within ``safety_m`` of a body.
-
-    ``distance, grid``: as for :func:`common.robot.kernels.look_up`. ``rotation`` (3, 3) is the frame's; its rows are the world axes, along
-    which the cube lies. Never false when it truly does; when true, the cube is within ``safety_m`` + an eighth of its diagonal + rounding
-    of the distance grid.
-    """
-    return look_up(distance, grid, x, y, z) <= safety_m + half_m * ROOT3 and (
-        _cube_room(distance, grid, rotation, x, y, z, half_m, safety_m) <= 0.0
-    )
-
-
-@leaf
-def _cube_room(distance, grid, rotation, x, y, z, half_m, safety_m):  # type: ignore[no-untyped-def]
-    """How far a body may move until it could come within ``safety_m`` of a cube (a lower bound, in metres); 0 where it may be now.
-
-    The cube's ball is looked at, where that leaves it open its octants' balls, and theirs. Arguments: :func:`cell_touches_body`.
-    """
-    inner, outer = safety_m + half_m, safety_m + half_m * ROOT3
-    centre = look_close(distance, grid, x, y, z, inner, outer)
-    if centre > outer:
-        return centre - outer
-    if centre <= inner:
-        return 0.0
-    room = np.inf
-    inner_octant, outer_octant, outer_part = safety_m + 0.5 * half_m, safety_m + 0.5 * half_m * ROOT3, safety_m + 0.25 * half_m * ROOT3
-    for octant in range(8):
-        ox, oy, oz = octant_middle(rotation, x, y, z, 0.5 * half_m, octant)
-        middle = look_close(distance, grid, ox, oy, oz, inner_octant, outer_octant)
-        if middle > outer_octant:
-            room = min(room, middle - outer_octant)
-            continue
-        if middle <= inner_octant:
-            return 0.0
-        for part in range(8):
-            px, py, pz = octant_middle(rotation, ox, oy, oz, 0.25 * half_m, part)
-            near = look_close(distance, grid, px, py, pz, outer_part, outer_part)
-            if near <= outer_part:
-                return 0.0
-            room = min(room, near - outer_part)
-    return room
-
-
-@leaf
-def octant_middle(rotation, x, y, z, step_m, octant):  # type: ignore[no-untyped-def]
-    """``step_m`` along each world axis from (x, y, z), in the body's frame; the bits of ``octant`` say which way."""
-    sx = step_m if octant & 1 else -step_m
-    sy = step_m if octant & 2 else -step_m
-    sz = step_m if octant & 4 else -step_m
-    return (
-        x + sx * rotation[0, 0] + sy * rotation[1, 0] + sz * rotation[2, 0],
-        y + sx * rotation[0, 1] + sy * rotation[1, 1] + sz * rotation[2, 1],
-        z + sx * rotation[0, 2] + sy * rotation[1, 2] + sz * rotation[2, 2],
-    )
-
-
-@leaf
-def body_cell_gap(arm, cells, b, safety_m, turn, shift):  # type: ignore[no-untyped-def]  # noqa: PLR0912  one search, no parts
-    """``(cell, gap)``: a cell that blocks body ``b``, or -1 and how far the body may move until one could (a lower bound, in metres).
-
-    ``turn`` (3, 3), ``shift`` (3,): the body's frame. Where ``safety_m`` is more than the distance grids can tell, the spheres that cover
-    the body answer.
-    """
-    grids = arm.grids
-    distance, centre, block, group, half_m = grids.distance, cells.centre_m, cells.block_m, cells.group_m, cells.half_m
-    reach = safety_m + half_m * ROOT3
-    beyond_grids = reach > FAR
-    grid = body_grid(grids, b)
-    bx, by, bz = to_world(turn, shift, grids.bound_centre_m, b)
-    around = grids.bound_radius_m[b] + reach
-    gap = np.inf
-    for g in range(len(group)):
-        dx, dy, dz = group[g, 0] - bx, group[g, 1] - by, group[g, 2] - bz
-        least = around + group[g, 3] + gap
-        if dx * dx + dy * dy + dz * dz >= least * least:  # farther than what was found already
-            continue
-        for k in range(g * GROUP, min((g + 1) * GROUP, len(block))):
-            dx, dy, dz = block[k, 0] - bx, block[k, 1] - by, block[k, 2] - bz
-            least = around + block[k, 3] + gap
-            if dx * dx + dy * dy + dz * dz >= least * least:
-                continue
-            for p in range(grids.part_offset[b], grids.part_offset[b + 1]):
-                cx, cy, cz = to_world(turn, shift, grids.part_m, p)
-                near = grids.part_m[p, 3] + reach
-                dx, dy, dz = block[k, 0] - cx, block[k, 1] - cy, block[k, 2] - cz
-                apart2, least = dx * dx + dy * dy + dz * dz, near + block[k, 3] + gap
-                if apart2 >= least * least:
-                    continue
-                room = math.sqrt(apart2) - near - block[k, 3]
-                if room > 0.0:
-                    gap = room
-                    continue
-                for i in range(k * BLOCK, min((k + 1) * BLOCK, len(centre))):
-                    x, y, z = centre[i, 0], centre[i, 1], centre[i, 2]
-                    dx, dy, dz = x - cx, y - cy, z - cz
-                    apart2, least = dx * dx + dy * dy + dz * dz, near + gap
-                    if apart2 >= least * least:
-                        continue
-                    room = math.sqrt(apart2) - near
-                    if room <= 0.0:
-                        x, y, z = to_joint_frame(turn, shift, x, y, z)
-                        if beyond_grids:
-                            room = cover_distance(grids, b, x, y, z, reach + COVER_LOOK_M) - reach
-                        else:
-                            room = look_up(distance, grid, x, y, z) - reach
-                            if room <= 0.0:
-                                room = _cube_room(distance, grid, turn, x, y, z, half_m, safety_m)
-                        if room <= 0.0:
-                            return i, 0.0
-                    gap = min(gap, room)
-    return -1, gap
 
 
 @leaf
@@ -223,14 +103,14 @@ def cells_that_hit(arm, cells, safety_m, rotation, translation, hit):  # type: i
                 hit[i] = 1
 
 
-@leaf
+@inlined
 def pair_gap(arm, p, rotation, translation):  # type: ignore[no-untyped-def]
     """How far pair ``p``'s bodies may move against one another until they could touch (a lower bound, in metres); zero or less: now."""
     grids, a, b = arm.grids, arm.pairs[p, 0], arm.pairs[p, 1]
     return pair_distance(grids, a, b, rotation, translation, arm.pair_margin_m[p] + PAIR_FINE_M) - arm.pair_margin_m[p]
 
 
-@leaf
+@inlined
 def tabled_gap(arm, p, q_rad):  # type: ignore[no-untyped-def]
     """:func:`pair_gap` by the table, without any frame; zero or less: the table cannot tell, or pair ``p`` has none."""
     return table_distance(arm.pair_tables, p, q_rad) - arm.pair_margin_m[p] if arm.pair_tables.table[p] >= 0 else 0.0

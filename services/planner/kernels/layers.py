@@ -12,7 +12,7 @@ import numpy as np
 
 from common.kernel import kernel, leaf
 from common.robot.kernels import forward_kinematics
-from services.planner.kernels.collision import ROOT3, octant_middle
+from services.planner.kernels.body_cells import ROOT3, octant_middle
 from services.planner.kernels.moves import segment_steps
 from services.planner.kernels.reach import look_far, reach_grid
 
@@ -23,7 +23,7 @@ __all__ = ["edge_bands", "node_bands"]
 def _band(distance, grid, turn, u, v, w, half_m, within_m, n_below):  # type: ignore[no-untyped-def]
     """The smallest band below ``n_below`` in which the cube around a point lies as seen from a body; ``n_below`` if none.
 
-    The rule of :func:`services.planner.kernels.collision.cell_touches_body` for each layer: the cube's ball, else its eight octants.
+    The rule of :func:`services.planner.kernels.body_cells.cell_touches_body` for each layer: the cube's ball, else its eight octants.
     ``u, v, w``: the point in the body's frame, whose rotation is ``turn``.
     """
     centre = look_far(distance, grid, u, v, w)

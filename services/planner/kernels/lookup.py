@@ -1,6 +1,6 @@
 """Building and reading the lookup table: which cells a pose sweeps, which neurons and edges a cell blocks.
 
-The rule that ties a cell to a pose is :func:`services.planner.kernels.collision.cell_touches_body`, the same that checks paths. Twin:
+The rule that ties a cell to a pose is :func:`services.planner.kernels.body_cells.cell_touches_body`, the same that checks paths. Twin:
 ``tests/support/slow_planner.py`` (every cell of the grid against every body).
 """
 
@@ -12,7 +12,7 @@ import numpy as np
 
 from common.kernel import kernel, leaf
 from common.robot.kernels import body_grid, forward_kinematics
-from services.planner.kernels.collision import ROOT3, cell_touches_body
+from services.planner.kernels.body_cells import ROOT3, cell_touches_body
 from services.planner.kernels.moves import segment_steps
 from services.planner.kernels.prefetch import AHEAD, fetch_row, prefetch
 

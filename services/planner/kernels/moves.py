@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from common.kernel import kernel, leaf
+from common.kernel import inlined, kernel, leaf
 from common.robot.kernels import forward_kinematics
 
 __all__ = ["displacement_m", "parabola_moves", "segment_moves", "segment_steps"]
@@ -14,7 +14,7 @@ __all__ = ["displacement_m", "parabola_moves", "segment_moves", "segment_steps"]
 PIECE_RAD = 0.25  # see segment_moves
 
 
-@leaf
+@inlined
 def displacement_m(arm, b, rotation_a, translation_a, rotation_b, translation_b):  # type: ignore[no-untyped-def]
     """Farthest in metres that any point of body ``b`` is apart in two poses, given by their frames.
 

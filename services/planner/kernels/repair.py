@@ -123,7 +123,10 @@ def _nearest(trees, side, q):  # type: ignore[no-untyped-def]
             column, at = trees.column_rad[side, j, first : first + n], np.float32(q[j])
             for i in range(n):
                 d2[i] += (column[i] - at) * (column[i] - at)
-        for i in range(n):
+        n_may_be = 0
+        for i in range(n):  # several at once, too: most chunks hold none
+            n_may_be += d2[i] <= may_be
+        for i in range(n if n_may_be > 0 else 0):
             if d2[i] <= may_be:
                 exact = _squared_distance(trees.q_rad[side, first + i], q)
                 if exact < best_d2:

@@ -13,8 +13,8 @@ import numpy as np
 from common.kernel import kernel, leaf
 from common.robot.body_distance import to_world
 from common.robot.kernels import forward_kinematics, to_joint_frame
+from services.planner.kernels.body_cells import ROOT3
 from services.planner.kernels.cells import BLOCK, GROUP
-from services.planner.kernels.collision import ROOT3
 from services.planner.kernels.reach import look_far, reach_grid
 
 __all__ = ["SpeedLaw", "allowed_speed", "body_separation", "caps_among", "needed_separation", "speed_caps"]

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from common.kernel import leaf
+from common.kernel import inlined, leaf
 from common.robot.body_distance import to_world
 
 __all__ = ["BOX", "CYLINDER", "NO_SOLIDS", "SPHERE", "Field", "Solids", "body_static_gap", "fill_field", "solid_distance"]
@@ -98,7 +98,7 @@ def _field_at(field, x, y, z):  # type: ignore[no-untyped-def]
     return float(field.distance_m[(int(fx) * field.shape[1] + int(fy)) * field.shape[2] + int(fz)])
 
 
-@leaf
+@inlined
 def body_static_gap(grids, solids, b, turn, shift, margin_m):  # type: ignore[no-untyped-def]
     """``(gap, solid)``: how far body ``b`` may move until it could be within ``margin_m`` of the static layer (a lower bound, in metres).
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from common.kernel import kernel, leaf
 from common.robot.kernels import forward_kinematics
-from services.planner.kernels.collision import body_cell_gap, pair_gap, tabled_gap
+from services.planner.kernels.body_cells import body_cell_gap
+from services.planner.kernels.collision import pair_gap, tabled_gap
 from services.planner.kernels.moves import parabola_moves, segment_moves
 from services.planner.kernels.static_layer import body_static_gap
 

@@ -39,6 +39,27 @@ def test_cells_equal_the_slow_twin(bench):
         assert expected.any() and not expected.all()
 
 
+@pytest.mark.parametrize("n_boxes", [1, 4, 30])
+def test_a_pose_among_many_cells_is_blocked_exactly_if_one_of_them_blocks_it(bench, n_boxes):
+    """Whatever is ruled out without a look at the single cell: groups of blocks, blocks, cells far from the body's box and parts."""
+    rng = np.random.default_rng(n_boxes)
+    verdicts, n_cells = [], []
+    for _ in range(12):
+        middles = rng.uniform([-0.6, -0.6, 0.0], [0.6, 0.6, 0.8], size=(n_boxes, 1, 3))
+        points = middles + rng.uniform(-0.08, 0.08, size=(n_boxes, 400, 3))
+        flat = np.unique(bench.grid.cells_of(points.reshape(-1, 3)))
+        cells = cells_of(bench.grid, flat[flat >= 0])
+        n_cells.append(len(cells.flat))
+        for q in bench.free_rad[rng.integers(len(bench.free_rad), size=20)]:
+            verdict, index = bench.checker.pose(cells, q)
+            blocking = bench.checker.cells_hit(cells, q)
+            assert (verdict == HIT_CELL) == blocking.any()
+            assert verdict != HIT_CELL or blocking[index]
+            verdicts.append(verdict)
+    assert {FREE, HIT_CELL} <= set(verdicts)
+    assert n_boxes < 30 or min(n_cells) > 4 * 256, "several groups of blocks"
+
+
 @pytest.mark.parametrize("safety_m", [0.0, 0.005, 0.02])
 def test_no_cell_that_is_truly_too_near_is_missed_and_few_others_block(bench, safety_m):
     """coal: exact distance between the cell's cube and the bare meshes."""
