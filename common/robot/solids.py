@@ -36,6 +36,7 @@ SPHERES_A_GROUP = 12  # our choice
 PART_RADIUS_MAX_M = 0.07  # of the spheres that contain a body; our choice: a link is about twice that long and half as thick
 COVER_CANDIDATES = 1500
 SAMPLE_GAP_M = 0.0025  # our choice
+SAMPLES_AT_ONCE = 10_000  # whose distances are held; all at once took 11 GB for a UR10, whose meshes have long triangles; our choice
 CURVE_SEGMENTS = 32
 
 
@@ -244,21 +245,25 @@ def _sphere_cover(body: Body, origin: F64, signed: F64) -> F64:
     order = np.argsort(-depth, kind="stable")[:: max(1, len(depth) // COVER_CANDIDATES)]
     centres, depth = centres[order], depth[order]
     radii = np.minimum(depth + SPHERE_OVERSHOOT_M, SPHERE_RADIUS_MAX_M)
-    covers = cdist(centres, surface) + SAMPLE_GAP_M <= radii[:, None]
-    gain = covers.sum(axis=1)
+    covered_by = np.empty((len(surface), len(centres)), dtype=bool)
+    for k in range(0, len(surface), SAMPLES_AT_ONCE):
+        covered_by[k : k + SAMPLES_AT_ONCE] = cdist(surface[k : k + SAMPLES_AT_ONCE], centres) + SAMPLE_GAP_M <= radii
+    gain = covered_by.sum(axis=0)
     uncovered = np.ones(len(surface), dtype=bool)
     chosen: list[F64] = []
     while uncovered.any():
         best = int(np.argmax(gain)) if len(gain) else 0
         if len(gain) and gain[best] > 0:
             chosen.append(np.array([*centres[best], radii[best]]))
-            newly = covers[best] & uncovered
+            newly = covered_by[:, best] & uncovered
         else:
             centre = surface[np.flatnonzero(uncovered)[0]]
             chosen.append(np.array([*centre, SPHERE_OVERSHOOT_M]))
             newly = uncovered & (np.linalg.norm(surface - centre, axis=1) + SAMPLE_GAP_M <= SPHERE_OVERSHOOT_M)
+        gain = gain - covered_by[newly].sum(axis=0)
         uncovered &= ~newly
-        gain = gain - covers[:, newly].sum(axis=1)
+        if 2 * np.count_nonzero(uncovered) < len(uncovered):  # what is covered is looked at no more
+            surface, covered_by, uncovered = surface[uncovered], covered_by[uncovered], uncovered[uncovered]
     return np.array(chosen)
 
 
