@@ -14,8 +14,8 @@ __all__ = ["convex_pieces"]
 
 F64 = NDArray[np.float64]
 # Our choice. Measured on a UR5, whose forearm and wrist, base and upper arm pass each other within millimetres, in poses that the planner
-# calls free: with slabs of 7 cm they touched in 160 of 14 639, with 3.5 cm the nearest were 0.2 mm apart, with 2 cm 2.4 mm. Pieces hold up
-# to 20 % more than the meshes of a UR3, one hull a link up to 66 %; a look at all distances takes 0.5 ms instead of 0.2.
+# calls free: with slabs of 7 cm they touched in 160 of 14 639, with 3.5 cm the nearest were 0.2 mm apart, with 2 cm 2.4 mm. Slabs of
+# 7 cm hold up to 20 % more than the meshes of a UR3, one hull a link up to 66 %; a look at all distances takes 0.5 ms instead of 0.2.
 SLAB_M = 0.02
 DIRECTIONS = 256  # corners kept of a piece; a 5 cm round one shrinks by less than 0.5 mm
 
