@@ -1,5 +1,7 @@
 from __future__ import annotations
 
+from dataclasses import replace
+
 import coal
 import numpy as np
 import pytest
@@ -152,6 +154,14 @@ def test_static_and_self_agree_with_coal(bench):
         if verdict == HIT_SELF:
             assert own <= 0.009 + 0.0095
     assert {FREE, HIT_STATIC, HIT_SELF} <= set(verdicts)
+
+
+def test_a_pair_that_always_stands_near_keeps_less_but_something(bench):
+    usual_m = np.full(len(bench.robot.pairs), 0.0101)
+    usual_m[0] = 0.0099
+    robot = replace(bench.robot, pair_usual_m=usual_m)
+    assert arm_of(robot, static_margin_m=0.01, self_margin_m=0.005).pair_margin_m.tolist() == [0.002] + [0.005] * (len(usual_m) - 1)
+    assert not arm_of(robot, static_margin_m=0.01, self_margin_m=0.0).pair_margin_m.any()
 
 
 @pytest.mark.parametrize(
