@@ -32,12 +32,13 @@ class Process:
     arguments: tuple[str, ...] = ()
 
 
+# Cameras and perception take most of a processor core even while nothing moves: they wait until the map is built.
 PROCESSES: tuple[Process, ...] = (
     Process("map", "clients.cli.main", is_preparation=True, ready_within_s=1800.0, arguments=("build",)),
     Process("robot", "services.robot_sim"),
-    Process("cameras", "services.robot_sim.cameras", needs=("robot",)),
-    Process("perception", "services.perception", needs=("robot",)),
-    Process("planner", "services.planner", needs=("robot", "map")),
+    Process("cameras", "services.robot_sim.cameras", needs=("map", "robot")),
+    Process("perception", "services.perception", needs=("map", "robot")),
+    Process("planner", "services.planner", needs=("map", "robot")),
 )
 
 
