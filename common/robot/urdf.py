@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from importlib.metadata import PackageNotFoundError, distribution
 from pathlib import Path
+from xml.etree import ElementTree
 
 import coal
 import numpy as np
@@ -21,6 +23,7 @@ BUNDLED = "example-robot-data:"
 OWN = "tolman:"
 OWN_FOLDER = Path(__file__).parent / "descriptions"
 BUNDLED_ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
+ENDLESS_RAD = 2.0 * math.pi  # either way; our choice: what a robot that counts turns from 0 to 360 degrees needs, and one from -180 to 180
 
 
 def resolve(urdf: str) -> tuple[Path, list[Path]]:
@@ -52,14 +55,20 @@ def resolve(urdf: str) -> tuple[Path, list[Path]]:
 def load_kinematics(path: Path, package_dirs: list[Path], locked: dict[str, float]) -> tuple[pin.Model, pin.GeometryModel]:
     """Pinocchio's model and collision geometry with the ``locked`` joints frozen at their values.
 
+    A joint that turns without end (continuous) gets one turn either way; a config may narrow that.
+
     Raises:
         RobotError: not a URDF, a mesh missing, an unknown joint to lock, or not a serial arm of one-axis joints.
     """
     try:
-        model = pin.buildModelFromUrdf(str(path))
-        geometry = pin.buildGeomFromUrdf(model, str(path), pin.GeometryType.COLLISION, package_dirs=[str(f) for f in package_dirs])
+        text, without_speed = _with_ends(path.read_text(encoding="utf-8"))
+        model = pin.buildModelFromXML(text)
+        folders = [str(folder) for folder in package_dirs]
+        geometry = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION, package_dirs=folders)
     except (ValueError, RuntimeError) as error:
         raise RobotError(f"{path}: {error}", facts={"path": str(path)}) from None
+    for name in without_speed:
+        model.velocityLimit[model.joints[model.getJointId(name)].idx_v] = math.inf
     if locked:
         unknown = sorted(set(locked) - set(model.names))
         if unknown:
@@ -73,13 +82,33 @@ def load_kinematics(path: Path, package_dirs: list[Path], locked: dict[str, floa
     if model.njoints < 2:
         raise RobotError(f"{path}: has no moving joint")
     for j in range(1, model.njoints):
-        if model.joints[j].nq == 2 and model.joints[j].nv == 1:
-            raise RobotError(f"{path}: joint {model.names[j]} turns without end (continuous): give it limits, as type revolute")
         if model.parents[j] != j - 1 or model.joints[j].nq != 1:
             raise RobotError(
                 f"{path}: joint {model.names[j]} is not part of one chain of one-axis joints; lock side joints in robot.locked_joints"
             )
     return model, geometry
+
+
+def _with_ends(text: str) -> tuple[str, list[str]]:
+    """A URDF whose continuous joints end after ``ENDLESS_RAD``, and those of them that it gives no greatest speed.
+
+    Without ends pinocchio tells such a joint's place by a cosine and a sine; here joint vectors have one number a joint.
+    """
+    try:
+        robot = ElementTree.fromstring(text)
+    except ElementTree.ParseError as error:
+        raise ValueError(f"not XML: {error}") from None
+    endless = [joint for joint in robot.iter("joint") if joint.get("type") == "continuous"]
+    without_speed = []
+    for joint in endless:
+        joint.set("type", "revolute")
+        limit = joint.find("limit")
+        if limit is None:
+            limit = ElementTree.SubElement(joint, "limit")
+        if limit.get("velocity") is None:
+            without_speed.append(joint.get("name", ""))
+        limit.attrib = {"velocity": "0", "effort": "0"} | limit.attrib | {"lower": str(-ENDLESS_RAD), "upper": str(ENDLESS_RAD)}
+    return (ElementTree.tostring(robot, encoding="unicode"), without_speed) if endless else (text, [])
 
 
 def load_bodies(model: pin.Model, geometry: pin.GeometryModel, immobile_links: list[str]) -> list[Body]:

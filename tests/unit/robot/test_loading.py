@@ -72,7 +72,6 @@ def test_a_branching_arm_is_refused_with_the_way_out(tmp_path: Path):
     ("old", "new", "words"),
     [
         ("<collision>.*?</collision>", "", "no moving link has collision geometry"),
-        ('name="elbow" type="revolute"', 'name="elbow" type="continuous"', r"joint elbow turns without end \(continuous\)"),
         ('type="revolute"', 'type="fixed"', "has no moving joint"),
         ("<box[^>]*>", '<mesh filename="package://nowhere/part.stl"/>', "part.stl"),
         ('velocity="2"', 'velocity="0"', "max_velocity_rad_s"),
@@ -83,6 +82,34 @@ def test_a_urdf_that_cannot_be_used_says_why(tmp_path: Path, old: str, new: str,
     Path(config.urdf).write_text(re.sub(old, new, PLANAR_URDF), encoding="utf-8")
     with pytest.raises(RobotError, match=words):
         load_robot(msgspec.structs.replace(config, immobile_links=[]))
+
+
+def test_a_joint_without_end_gets_a_turn_either_way_and_a_config_may_narrow_it(tmp_path: Path):
+    config = planar_config(tmp_path)
+    endless = PLANAR_URDF.replace('name="elbow" type="revolute"', 'name="elbow" type="continuous"')
+    plain = load_robot(config)
+    Path(config.urdf).write_text(endless, encoding="utf-8")
+    robot = load_robot(config)
+    assert robot.n_joints == 2
+    assert robot.position_min_rad[1] == pytest.approx(-2 * np.pi) and robot.position_max_rad[1] == pytest.approx(2 * np.pi)
+    assert robot.position_min_rad[0] == plain.position_min_rad[0]
+    assert robot.max_velocity_rad_s.tolist() == plain.max_velocity_rad_s.tolist()
+    q = np.array([0.3, -0.7])
+    np.testing.assert_allclose(robot.tool_pose(q), plain.tool_pose(q), atol=1e-12)
+    narrow = load_robot(msgspec.structs.replace(config, position_min_rad=[-1.0, -1.5], position_max_rad=[1.0, 1.5]))
+    assert narrow.position_max_rad.tolist() == [1.0, 1.5]
+    locked = load_robot(msgspec.structs.replace(config, locked_joints={"elbow": 0.4}, home_rad=[0.0], max_acceleration_rad_s2=[1.0]))
+    np.testing.assert_allclose(locked.tool_pose(np.array([0.3])), plain.tool_pose(np.array([0.3, 0.4])), atol=1e-12)
+
+
+def test_a_joint_without_end_and_without_speed_takes_the_configs(tmp_path: Path):
+    config = planar_config(tmp_path)
+    before, after = PLANAR_URDF.split('name="elbow" type="revolute"')
+    bare = f'{before}name="elbow" type="continuous"{re.sub("<limit[^>]*>", "", after)}'
+    Path(config.urdf).write_text(bare, encoding="utf-8")
+    with pytest.raises(RobotError, match=r"max_velocity_rad_s.*state them"):
+        load_robot(config)
+    assert load_robot(msgspec.structs.replace(config, max_velocity_rad_s=[9.0, 1.5])).max_velocity_rad_s.tolist() == [2.0, 1.5]
 
 
 def test_a_home_of_another_arm_is_refused(tmp_path: Path):
