@@ -61,7 +61,7 @@ def load_kinematics(path: Path, package_dirs: list[Path], locked: dict[str, floa
         RobotError: not a URDF, a mesh missing, an unknown joint to lock, or not a serial arm of one-axis joints.
     """
     try:
-        text, without_speed = _with_ends(path.read_text(encoding="utf-8"))
+        text, without_speed = _with_ends(path.read_bytes())
         model = pin.buildModelFromXML(text)
         folders = [str(folder) for folder in package_dirs]
         geometry = pin.buildGeomFromUrdfString(model, text, pin.GeometryType.COLLISION, package_dirs=folders)
@@ -89,18 +89,19 @@ def load_kinematics(path: Path, package_dirs: list[Path], locked: dict[str, floa
     return model, geometry
 
 
-def _with_ends(text: str) -> tuple[str, list[str]]:
+def _with_ends(urdf: bytes) -> tuple[str, list[str]]:
     """A URDF whose continuous joints end after ``ENDLESS_RAD``, and those of them that it gives no greatest speed.
 
     Without ends pinocchio tells such a joint's place by a cosine and a sine; here joint vectors have one number a joint.
     """
     try:
-        robot = ElementTree.fromstring(text)
+        robot = ElementTree.fromstring(urdf)  # in the encoding that it names
     except ElementTree.ParseError as error:
         raise ValueError(f"not XML: {error}") from None
-    endless = [joint for joint in robot.iter("joint") if joint.get("type") == "continuous"]
     without_speed = []
-    for joint in endless:
+    for joint in robot.iter("joint"):
+        if joint.get("type") != "continuous":
+            continue
         joint.set("type", "revolute")
         limit = joint.find("limit")
         if limit is None:
@@ -108,7 +109,7 @@ def _with_ends(text: str) -> tuple[str, list[str]]:
         if limit.get("velocity") is None:
             without_speed.append(joint.get("name", ""))
         limit.attrib = {"velocity": "0", "effort": "0"} | limit.attrib | {"lower": str(-ENDLESS_RAD), "upper": str(ENDLESS_RAD)}
-    return (ElementTree.tostring(robot, encoding="unicode"), without_speed) if endless else (text, [])
+    return ElementTree.tostring(robot, encoding="unicode"), without_speed
 
 
 def load_bodies(model: pin.Model, geometry: pin.GeometryModel, immobile_links: list[str]) -> list[Body]:

@@ -112,6 +112,14 @@ def test_a_joint_without_end_and_without_speed_takes_the_configs(tmp_path: Path)
     assert load_robot(msgspec.structs.replace(config, max_velocity_rad_s=[9.0, 1.5])).max_velocity_rad_s.tolist() == [2.0, 1.5]
 
 
+def test_a_urdf_is_read_in_the_encoding_that_it_names(tmp_path: Path):
+    config = planar_config(tmp_path)
+    plain = load_robot(config)
+    named = PLANAR_URDF.replace('version="1.0"', 'version="1.0" encoding="iso-8859-1"').replace("<robot", "<!-- für zwei Gelenke --><robot")
+    Path(config.urdf).write_bytes(named.encode("iso-8859-1"))
+    assert load_robot(config).joint_names == plain.joint_names
+
+
 def test_a_home_of_another_arm_is_refused(tmp_path: Path):
     with pytest.raises(RobotError, match=r"home_rad has 3 values, planar.urdf has 2 joints"):
         load_robot(msgspec.structs.replace(planar_config(tmp_path), home_rad=[0.0, 0.0, 0.0]))
