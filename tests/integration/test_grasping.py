@@ -18,7 +18,6 @@ from common.wire.messages import (
     Grasp,
     HeldBox,
     LearnReply,
-    PlannerEvent,
     PlannerStatus,
     PlanReply,
     PlanRequest,
@@ -50,7 +49,7 @@ def held_size(operator: Operator) -> list[float] | None:
 def test_it_plans_and_drives_with_a_box_and_without_it_again(operator: Operator) -> None:
     operator.bus.request("robot/grasp", Grasp(op="grasp", box=BOX), Ack)
     operator.until(lambda: held_size(operator) == BOX.size_m, "the planner is ready for the box", READY_WITHIN_S)
-    (told,) = held_events(operator, 1)
+    (told,) = operator.told("held")
     assert told.facts["size_m"] == BOX.size_m and told.facts["seconds"] < READY_WITHIN_S
     assert operator.robot is not None and operator.robot.held == BOX
     operator.go(OVER_PICK)
@@ -73,15 +72,9 @@ def test_it_plans_and_drives_with_a_box_and_without_it_again(operator: Operator)
     began_s = time.monotonic()
     operator.bus.request("robot/grasp", Grasp(op="grasp", box=BOX), Ack)
     operator.until(lambda: held_size(operator) == BOX.size_m, "the same box again, from what was kept", READY_WITHIN_S)
-    again = held_events(operator, 3)[-1]
+    again = operator.told("held", 3)[-1]
     assert again.facts["seconds"] < told.facts["seconds"] and time.monotonic() - began_s < READY_WITHIN_S
     operator.go(OVER_PICK)
-
-
-def held_events(operator: Operator, n: int) -> list[PlannerEvent]:
-    """The ``n`` words of the planner that it is ready for what is held, or not."""
-    operator.until(lambda: sum(event.kind == "held" for event in operator.events) >= n, f"{n} events")
-    return [event for event in operator.events if event.kind == "held"]
 
 
 def test_what_is_learned_with_a_box_is_in_the_map_with_the_box(operator: Operator) -> None:
@@ -148,7 +141,7 @@ def test_a_box_that_cannot_be_held_is_told_and_nothing_moves_until_it_is_gone(op
     operator.bus.request("robot/grasp", Grasp(op="grasp", box=around), Ack)
     problem = "the box is in"
     operator.until(lambda: operator.status is not None and problem in operator.status.reason, "the problem in the status", READY_WITHIN_S)
-    assert any(problem in event.facts.get("problem", "") for event in operator.events if event.kind == "held")
+    assert problem in operator.told("held")[-1].facts["problem"]
     goal_id = operator.send(OVER_PICK)
     operator.until(lambda: operator.status is not None and operator.status.state == "blocked", "a goal that is blocked")
     assert operator.status is not None and problem in operator.status.reason and operator.status.held is None

@@ -98,8 +98,8 @@ def test_guided_recorded_learned_planned_with_remembered(
     assert "entry 1" in capsys.readouterr().out
     operator.until(lambda: operator.status is not None and operator.status.n_neurons > before, "more neurons")
     after = neurons(operator)
-    learned = [event for event in operator.events if event.kind == "learned"]
-    assert len(learned) == 1 and learned[0].facts["label"] == "round" and learned[0].facts["n_neurons"] == after
+    (learned,) = operator.told("learned")
+    assert learned.facts["label"] == "round" and learned.facts["n_neurons"] == after
 
     # By the paper's rules a way begins at the best match of its start, however free the straight way may be.
     question = PlanRequest(q_start_rad=motion.q_rad[-1], goal=SetGoal(pose=OVER_PLACE), rules="paper", smooth=False)

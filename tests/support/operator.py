@@ -70,6 +70,18 @@ class Operator:
         """Send a goal; its id."""
         return self.bus.request("planner/goal", SetGoal(pose=pose, speed_scale=speed_scale), GoalAccepted).goal_id
 
+    def told(self, kind: str, n: int = 1) -> list[PlannerEvent]:
+        """Wait for ``n`` events of a kind; all of that kind so far.
+
+        An event and the status published right after it may arrive in either order: they go by two keys, of two priorities.
+        """
+
+        def of_the_kind() -> list[PlannerEvent]:
+            return [event for event in self.events if event.kind == kind]
+
+        self.until(lambda: len(of_the_kind()) >= n, f"{n} events of the kind {kind}")
+        return of_the_kind()
+
     def kinds(self, goal_id: str) -> list[str]:
         """Kinds of the events of a goal so far."""
         return [event.kind for event in self.events if event.goal_id == goal_id]
