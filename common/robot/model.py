@@ -1,40 +1,31 @@
-"""The robot model: any serial arm from a URDF, with everything that geometry and planning need, loaded once per process.
-
-Distance grids and collision pairs are pure functions of the URDF, its meshes and the tool; they take seconds, so they are kept in the
-user's cache under a fingerprint of all of that.
-"""
+"""The robot model: any serial arm from a URDF, with everything that geometry and planning need, loaded once per process."""
 
 from __future__ import annotations
 
 import hashlib
-import os
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
-from zipfile import BadZipFile
 
 import msgspec
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from common.cell import RobotConfig
 from common.errors import RobotError
 from common.geometry.transforms import rpy_matrix
+from common.robot.geometry import geometry_of
 from common.robot.kernels import BodyGrids, Chain, forward_kinematics_batch
-from common.robot.pair_tables import PairTables, build_pair_tables
-from common.robot.pairs import self_collision_pairs
-from common.robot.solids import GRID_REACH_M, Body, build_grids, mesh_of_solid
+from common.robot.pair_tables import PairTables
+from common.robot.solids import GRID_REACH_M, Body, mesh_of_solid
 from common.robot.urdf import load_bodies, load_kinematics, resolve
 
-__all__ = ["RobotModel", "cache_dir", "chain_of", "load_robot"]
+__all__ = ["RobotModel", "chain_of", "load_robot"]
 
 F64 = NDArray[np.float64]
 I64 = NDArray[np.int64]
-Geometry = tuple[BodyGrids, I64, F64, PairTables]
-CACHE_VERSION = 5  # raise when the meaning of a cached array changes
+VERSION = 5  # raise when the meaning of what is loaded changes: maps and recorded motions of before are then another arm's
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,23 +90,19 @@ class RobotModel:
 
         Checks length, finiteness and position limits.
         """
-        q = np.asarray(q_rad, dtype=np.float64)
-        if q.shape != (self.n_joints,):
-            return f"q_rad must have {self.n_joints} values, got shape {list(q.shape)}"
-        for name, value, low, high in zip(self.joint_names, q, self.position_min_rad, self.position_max_rad, strict=True):
-            if not np.isfinite(value):
-                return f"{name}: {value} is not a finite number"
-            if not low <= value <= high:
-                return f"{name}: {value:.6g} rad is outside its limits [{low:.6g}, {high:.6g}]"
-        return None
+        return _violation(self.joint_names, self.position_min_rad, self.position_max_rad, q_rad)
 
 
-def cache_dir() -> Path:
-    """``$XDG_CACHE_HOME/tolman`` (default ``~/.cache/tolman``), made if missing."""
-    base = os.environ.get("XDG_CACHE_HOME")
-    path = (Path(base) if base else Path.home() / ".cache") / "tolman"
-    path.mkdir(parents=True, exist_ok=True)
-    return path
+def _violation(joint_names: Sequence[str], low: F64, high: F64, q_rad: ArrayLike) -> str | None:
+    q = np.asarray(q_rad, dtype=np.float64)
+    if q.shape != (len(joint_names),):
+        return f"q_rad must have {len(joint_names)} values, got shape {list(q.shape)}"
+    for name, value, least, most in zip(joint_names, q, low, high, strict=True):
+        if not np.isfinite(value):
+            return f"{name}: {value} is not a finite number"
+        if not least <= value <= most:
+            return f"{name}: {value:.6g} rad is outside its limits [{least:.6g}, {most:.6g}]"
+    return None
 
 
 def load_robot(config: RobotConfig) -> RobotModel:
@@ -126,24 +113,22 @@ def load_robot(config: RobotConfig) -> RobotModel:
     """
     path, package_dirs = resolve(config.urdf)
     model, geometry = load_kinematics(path, package_dirs, config.locked_joints)
-    n_joints = model.njoints - 1
+    n_joints, joint_names = model.njoints - 1, tuple(model.names)[1:]
     if len(config.home_rad) != n_joints:
         raise RobotError(f"robot.home_rad has {len(config.home_rad)} values, {path.name} has {n_joints} joints")
-    if not model.existFrame(config.flange_frame):
-        raise RobotError(f"robot.flange_frame: {path.name} has no frame {config.flange_frame!r}")
-    flange = model.frames[model.getFrameId(config.flange_frame)]
-    if flange.parentJoint != n_joints:
-        raise RobotError(f"robot.flange_frame: {config.flange_frame!r} does not move with the last joint")
-    T_joint_flange = np.asarray(flange.placement.homogeneous)
+    T_joint_flange = _flange(model, config.flange_frame, path.name)
     bodies = load_bodies(model, geometry, config.immobile_links)
     bodies += _tool_bodies(config, T_joint_flange, n_joints)
     chain = chain_of(model, config)
     low, high, velocity = _limits(model, config)
+    violation = _violation(joint_names, low, high, config.home_rad)
+    if violation:
+        raise RobotError(f"robot.home_rad: {violation}")
     fingerprint = _fingerprint(config, bodies, chain, low, high, velocity)
-    grids, pairs, pair_usual_m, pair_tables = _cached_geometry(fingerprint, tuple(bodies), chain, low, high, config.voxel_m)
-    robot = RobotModel(
+    grids, pairs, pair_usual_m, pair_tables = geometry_of(bodies, chain, low, high, config.voxel_m)
+    return RobotModel(
         name=config.name,
-        joint_names=tuple(model.names)[1:],
+        joint_names=joint_names,
         position_min_rad=low,
         position_max_rad=high,
         max_velocity_rad_s=velocity,
@@ -160,10 +145,16 @@ def load_robot(config: RobotConfig) -> RobotModel:
         T_joint_tool=T_joint_flange @ rpy_matrix(config.tool.tcp_position_m, config.tool.tcp_rpy_rad),
         fingerprint=fingerprint,
     )
-    violation = robot.limit_violation(robot.home_rad)
-    if violation:
-        raise RobotError(f"robot.home_rad: {violation}")
-    return robot
+
+
+def _flange(model: pin.Model, frame: str, file: str) -> F64:
+    """(4, 4) pose of the flange in the last joint's frame."""
+    if not model.existFrame(frame):
+        raise RobotError(f"robot.flange_frame: {file} has no frame {frame!r}")
+    flange = model.frames[model.getFrameId(frame)]
+    if flange.parentJoint != model.njoints - 1:
+        raise RobotError(f"robot.flange_frame: {frame!r} does not move with the last joint")
+    return np.asarray(flange.placement.homogeneous)
 
 
 def _tool_bodies(config: RobotConfig, T_joint_flange: F64, n_joints: int) -> list[Body]:
@@ -222,7 +213,7 @@ def _limits(model: pin.Model, config: RobotConfig) -> tuple[F64, F64, F64]:
 
 
 def _fingerprint(config: RobotConfig, bodies: Sequence[Body], chain: Chain, *limits: F64) -> str:
-    digest = hashlib.sha256(f"{CACHE_VERSION} {config.voxel_m} {GRID_REACH_M}".encode())
+    digest = hashlib.sha256(f"{VERSION} {config.voxel_m} {GRID_REACH_M}".encode())
     rest = {name: value for name, value in msgspec.to_builtins(config, order="deterministic").items() if name != "voxel_m"}
     digest.update(msgspec.msgpack.encode(rest))
     for body in bodies:
@@ -232,31 +223,3 @@ def _fingerprint(config: RobotConfig, bodies: Sequence[Body], chain: Chain, *lim
     for array in (*chain, *limits):
         digest.update(np.ascontiguousarray(array).tobytes())
     return digest.hexdigest()[:16]
-
-
-def _cached_geometry(fingerprint: str, bodies: tuple[Body, ...], chain: Chain, low: F64, high: F64, voxel_m: float) -> Geometry:
-    path = cache_dir() / f"geometry-{fingerprint}.npz"
-    loaded = _read_cache(path)
-    if loaded is not None:
-        return loaded
-    grids = build_grids(bodies, voxel_m)
-    pairs, pair_usual_m = self_collision_pairs(bodies, chain, grids, low, high)
-    tables = build_pair_tables(bodies, chain, grids, pairs)
-    arrays: dict[str, Any] = {name: np.asarray(value) for name, value in grids._asdict().items()}
-    arrays |= {f"pair_tables_{name}": value for name, value in tables._asdict().items()}
-    with tempfile.NamedTemporaryFile(dir=path.parent, suffix=".tmp", delete=False) as file:
-        np.savez(file, pairs=pairs, pair_usual_m=pair_usual_m, **arrays)
-    Path(file.name).replace(path)  # atomic: several processes may make it at once, all with the same content
-    return grids, pairs, pair_usual_m, tables
-
-
-def _read_cache(path: Path) -> Geometry | None:
-    try:
-        with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in file.files}
-        pairs, pair_usual_m = arrays.pop("pairs"), arrays.pop("pair_usual_m")
-        tables = PairTables(**{name: arrays.pop(f"pair_tables_{name}") for name in PairTables._fields})
-        arrays["spacing_m"] = float(arrays["spacing_m"])
-        return BodyGrids(**arrays), pairs, pair_usual_m, tables
-    except (OSError, ValueError, KeyError, TypeError, EOFError, BadZipFile):
-        return None  # not there yet, or torn by a crash: made anew

@@ -17,7 +17,7 @@ from clients.cli.main import main
 from clients.demonstrations import DEMONSTRATIONS
 from clients.stack import OwnStack, free_endpoint
 from common.bus.session import Bus, BusAddress, RemoteError
-from common.robot.model import cache_dir
+from common.cache import cache_dir
 from common.robot.taught import read_taught
 from common.wire import keys
 from common.wire.messages import (

@@ -18,9 +18,9 @@ import msgspec
 import numpy as np
 from numpy.typing import NDArray
 
+from common.cache import cache_dir
 from common.cell import CellConfig
 from common.errors import ArtefactError
-from common.robot.model import cache_dir
 from services.planner.config import PlannerConfig
 from services.planner.core.cognitive_map import CognitiveMap, n_components, statistics
 from services.planner.core.layer_table import NO_LAYERS, LayerTable

@@ -7,19 +7,18 @@ replaced as a whole, under a lock, by one who knows its end: readers see it befo
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
 import tempfile
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from common.cache import locked
 from common.errors import ArtefactError
 from services.planner.core.growth import Addition
 
@@ -109,7 +108,7 @@ class Journal:
 
     def _replaced(self, entries: Sequence[Entry]) -> Journal:
         lines, head = _lines(self, entries)
-        with _locked(self.path):
+        with locked(self.path):
             now = Journal.read(self.path, self.map_sha256, self.n_neurons, self.n_joints)
             if now.head != self.head:
                 raise ArtefactError(
@@ -199,14 +198,6 @@ def _entry(row: dict[str, Any], number: int, n_before: int, n_joints: int) -> En
 def _torn(path: Path, line: int, why: str) -> ArtefactError:
     text = f"{path}, line {line}: torn or no journal: {why}; without the file the map is as it was built"
     return ArtefactError(text, code="torn_journal", facts={"path": str(path), "line": line, "why": why})
-
-
-@contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    path.parent.mkdir(parents=True, exist_ok=True)
-    with path.with_suffix(".lock").open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
 
 
 def _write(path: Path, lines: Sequence[bytes]) -> None:

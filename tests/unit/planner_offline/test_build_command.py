@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import json
-import shutil
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from clients.cli.main import main
-from common.robot.model import cache_dir
+from common.cache import cache_dir
 from tests.support.cell import ur3
 
 SMALL = [
@@ -26,7 +25,9 @@ def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty cache, but for the arm's distance grids, which take seconds to make."""
     kept = tmp_path / "tolman"
     kept.mkdir()
-    shutil.copy(cache_dir() / f"geometry-{ur3().fingerprint}.npz", kept)
+    ur3()
+    for path in cache_dir().glob("geometry-*.npz"):
+        (kept / path.name).symlink_to(path)
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     return kept
 

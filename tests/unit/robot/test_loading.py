@@ -1,6 +1,8 @@
 from __future__ import annotations
 
 import re
+import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import msgspec
@@ -9,9 +11,11 @@ import pytest
 
 from common.cell import RobotConfig
 from common.errors import RobotError
+from common.robot import geometry
 from common.robot.model import load_robot
 from tests.support.arms import PLANAR_URDF, planar_config
 from tests.support.cell import ur3_cell
+from tests.support.eventually import eventually
 
 
 def test_any_serial_arm_from_a_path(tmp_path: Path):
@@ -36,6 +40,40 @@ def test_a_torn_cache_is_made_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPat
     kept.write_bytes(kept.read_bytes()[:1000])
     again = load_robot(planar_config(tmp_path))
     assert np.array_equal(first.grids.distance, again.grids.distance)
+
+
+def test_an_arm_that_stands_elsewhere_slower_or_with_another_home_is_of_the_same_geometry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    config = planar_config(tmp_path)
+    first = load_robot(config)
+    monkeypatch.setattr(geometry, "_compute", None)
+    moved = msgspec.structs.replace(config, base_position_m=[0.1, 0.2, 0.3], base_rpy_rad=[0.0, 0.0, 1.0], home_rad=[0.1, 0.1])
+    again = load_robot(moved)
+    assert again.fingerprint != first.fingerprint
+    assert np.array_equal(first.grids.distance, again.grids.distance) and np.array_equal(first.pairs, again.pairs)
+    with pytest.raises(TypeError):  # None is no function: other limits are asked for anew
+        load_robot(msgspec.structs.replace(config, position_max_rad=[1.0, 1.0]))
+
+
+def test_of_two_that_start_side_by_side_one_makes_the_geometry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    config = planar_config(tmp_path)
+    compute, read, began, reads, go_on = geometry._compute, geometry._read, [], [], threading.Event()
+
+    def slowly(*arguments):
+        began.append(threading.get_ident())
+        go_on.wait(30.0)
+        return compute(*arguments)
+
+    monkeypatch.setattr(geometry, "_compute", slowly)
+    monkeypatch.setattr(geometry, "_read", lambda path: reads.append(path) or read(path))
+    with ThreadPoolExecutor(2) as pool:
+        loads = [pool.submit(load_robot, config) for _ in range(2)]
+        eventually(lambda: began and len(reads) == 3, what="one look of both and one more, behind the lock")
+        go_on.set()
+        one, other = (load.result() for load in loads)
+    assert len(began) == 1
+    assert np.array_equal(one.grids.distance, other.grids.distance)
 
 
 @pytest.mark.parametrize(
