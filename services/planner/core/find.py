@@ -97,7 +97,14 @@ class PathFinder:
             heap_node=np.empty((2, queue_length(capacity)), dtype=np.int32),
             path=np.empty(n, dtype=np.int32),
         )
-        self._n_rooms = new_rooms(checker.arm, 1).shape[1]
+        shape, n_rooms = (2, N_CONNECTIONS), new_rooms(checker.arm, 1).shape[1]
+        self._no_ends = Ends(
+            neuron=np.zeros(shape, dtype=np.int32),
+            cost=np.zeros(shape),
+            known=np.zeros(shape, dtype=np.int8),
+            n=np.zeros(2, dtype=np.int64),
+            room_m=np.full((2, n_rooms), np.nan),
+        )
         self._none_blocked = np.zeros(n, dtype=np.int32)
         self._no_edges_blocked = np.zeros(m, dtype=np.int32)
 
@@ -140,9 +147,7 @@ class PathFinder:
 
     def new_ends(self) -> Ends:
         """Room for the neurons that a question's start and goal may join."""
-        shape = (2, N_CONNECTIONS)
-        rooms = np.full((2, self._n_rooms), np.nan)
-        return Ends(np.empty(shape, dtype=np.int32), np.empty(shape), np.zeros(shape, dtype=np.int8), np.zeros(2, dtype=np.int64), rooms)
+        return Ends._make(array.copy() for array in self._no_ends)
 
     def as_built(self, counts: Counts) -> Counts:
         """``counts`` as if all that was learned since the map was built were blocked."""

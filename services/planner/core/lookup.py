@@ -21,7 +21,7 @@ from services.planner.core.layer_table import NO_LAYERS, LayerTable
 from services.planner.core.near import NearCounts
 from services.planner.core.rows import flat_rows, owners_in, rows_of_flat, transposed
 from services.planner.kernels.collision import Arm
-from services.planner.kernels.lookup import change_counts, count_rows, difference, edge_extra_cells, exposed_cells, node_cells
+from services.planner.kernels.lookup import count_rows, edge_extra_cells, node_cells, take_cells
 
 __all__ = [
     "N_THREADS",
@@ -240,22 +240,18 @@ class BlockedCounts:
         self.edge[table.barred_edges] = 1
         self.cells: I32 = np.empty(0, dtype=np.int32)
         self._counted: I32 = self.cells
-        self._shape = None if shape is None or len(table.unavoidable) == 0 else np.array(shape, dtype=np.int64)  # else not sure of it
-        self._occupied = np.zeros(0 if self._shape is None else int(np.prod(self._shape + 2)), dtype=np.uint8)
+        self._shape = np.zeros(3, dtype=np.int64) if shape is None else np.array(shape, dtype=np.int64)
+        leaves_out_enclosed = shape is not None and len(table.unavoidable) > 0  # else not sure of it
+        self._occupied = np.zeros(int(np.prod(self._shape + 2)) if leaves_out_enclosed else 0, dtype=np.uint8)
 
     def set_cells(self, cells: I32) -> tuple[I32, I32]:
         """Make ``cells`` (ascending, unique) the occupied ones; cost follows the difference. Returns (appeared, gone)."""
         t = self._table
-        appeared, gone = _difference(self.cells, cells)
-        if self._shape is None:
-            counted, more, less = cells, appeared, gone
-        else:
-            counted = np.empty_like(cells)
-            counted = counted[: exposed_cells(cells, appeared, gone, t.unavoidable, self._shape, self._occupied, counted)]
-            more, less = _difference(self._counted, counted)
-        change_counts(more, less, t.node_offset, t.node_owner, self.node, t.edge_offset, t.edge_owner, self.edge)
+        rows = (t.node_offset, t.node_owner, self.node), (t.edge_offset, t.edge_owner, self.edge)
+        known = t.unavoidable, self._shape, self._occupied
+        appeared, gone, self._counted, more, less = take_cells(self.cells, self._counted, cells, *known, *rows)
         self.near.change(more, less)
-        self.cells, self._counted = cells, counted
+        self.cells = cells
         return appeared, gone
 
     @property
@@ -269,10 +265,3 @@ class BlockedCounts:
         fewer.node, fewer.edge, fewer.near, fewer._occupied = self.node.copy(), self.edge.copy(), self.near.copy(), self._occupied.copy()
         fewer.set_cells(np.setdiff1d(self.cells, cells, assume_unique=True))
         return fewer
-
-
-def _difference(before: I32, after: I32) -> tuple[I32, I32]:
-    """What only ``after`` has, and what only ``before`` has; all ascending."""
-    appeared, gone = np.empty(len(after), dtype=np.int32), np.empty(len(before), dtype=np.int32)
-    n_appeared, n_gone = difference(before, after, appeared, gone)
-    return appeared[:n_appeared], gone[:n_gone]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from services.planner.core.layer_table import LayerTable, Sets
-from services.planner.kernels.near import Blocks, Rows, change_near
+from services.planner.kernels.near import WORD_BITS, Blocks, Rows, change_near
 
 __all__ = ["Near", "NearCounts"]
 
@@ -64,7 +64,8 @@ class NearCounts:
         twin, b = copy(self), self._blocks
         twin._blocks = b._replace(n_cells=b.n_cells.copy(), occupied=b.occupied.copy(), place=b.place.copy(), n=b.n.copy())
         twin._nodes, twin._edges = (
-            r._replace(joined=r.joined.copy(), n_blocks=r.n_blocks.copy(), nearest=r.nearest.copy()) for r in (self._nodes, self._edges)
+            r._replace(joined=r.joined.copy(), n_blocks=r.n_blocks.copy(), nearest=r.nearest.copy(), clear=r.clear.copy())
+            for r in (self._nodes, self._edges)
         )
         return twin
 
@@ -72,4 +73,5 @@ class NearCounts:
 def _nothing_near(offset: I64, owner: U16, sets: Sets, n_bands: int, n_owners: int) -> Rows:
     joined = np.zeros((n_bands, len(sets.number) * sets.words.shape[1]), dtype=np.uint64)
     n_blocks = np.zeros((n_bands, n_owners), dtype=np.int32)
-    return Rows(offset, owner, sets.number, sets.words, joined, n_blocks, np.full(n_owners, n_bands, dtype=np.uint8))
+    clear = np.empty(max(joined.shape[1] * WORD_BITS, n_owners), dtype=np.uint8)  # sets may end before the last owner
+    return Rows(offset, owner, sets.number, sets.words, joined, n_blocks, np.full(n_owners, n_bands, dtype=np.uint8), clear)

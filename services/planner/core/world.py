@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from common.geometry.grid import Grid
 from services.planner.core.check import Checker
 from services.planner.core.lookup import BlockedCounts
-from services.planner.kernels.cells import BLOCK, GROUP, Cells, arrange_cells
+from services.planner.kernels.cells import Cells, arrange_cells
 from services.planner.kernels.collision import FREE
 from services.planner.kernels.path import leaves
 
@@ -25,15 +25,8 @@ LEAVING_SLACK_M = 0.006  # the distance grids answer by voxels of 5 mm: along a 
 
 def cells_of(grid: Grid, cells: I32) -> Cells:
     """Flat cell indices (C,) as the checks see them."""
-    n = len(cells)
-    n_blocks, n_groups = -(-n // BLOCK), -(-n // (BLOCK * GROUP))
-    bounds = np.empty((n_blocks, 4)), np.empty((n_groups, 4))
-    arranged = Cells(np.empty(n, dtype=np.int32), np.empty((n, 3)), *bounds, grid.resolution_m / 2.0)
-    if n == 0:
-        return arranged
-    origin, shape = np.asarray(grid.origin_m), np.asarray(grid.shape)
-    arrange_cells(cells, origin, shape, grid.resolution_m, arranged.flat, arranged.centre_m, arranged.block_m, arranged.group_m)
-    return arranged
+    flat, centre_m, block_m, group_m = arrange_cells(cells, grid.origin_m, grid.shape, grid.resolution_m)
+    return Cells(flat, centre_m, block_m, group_m, grid.resolution_m / 2.0)
 
 
 @cache

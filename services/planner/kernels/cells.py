@@ -48,26 +48,31 @@ def _gather(n):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def arrange_cells(cells, origin_m, shape, resolution_m, flat, centre_m, block_m, group_m):  # type: ignore[no-untyped-def]
-    """Fill ``flat``, ``centre_m``, ``block_m`` and ``group_m`` of :class:`Cells` from flat indices ``cells`` (C,) in any order."""
-    ny, nz = shape[1], shape[2]
-    code = np.empty(len(cells), dtype=np.int64)
+def arrange_cells(cells, origin_m, shape, resolution_m):  # type: ignore[no-untyped-def]
+    """``flat``, ``centre_m``, ``block_m`` and ``group_m`` of :class:`Cells` from flat indices ``cells`` (C,) in any order.
+
+    ``origin_m`` and ``shape``: three numbers each, of the grid.
+    """
+    n, ny, nz = len(cells), shape[1], shape[2]
+    code, flat, centre_m = np.empty(n, dtype=np.int64), np.empty(n, dtype=np.int32), np.empty((n, 3))
     row_begin, row_code = nz * ny * shape[0], 0
-    for i in range(len(cells)):
+    for i in range(n):
         if not row_begin <= cells[i] < row_begin + nz:  # cells mostly come row by row
             row = cells[i] // nz
             row_begin, row_code = row * nz, (_spread(row // ny) << 2) | (_spread(row % ny) << 1)
         code[i] = row_code | _spread(cells[i] - row_begin)
     code.sort()
-    for i in range(len(cells)):
+    for i in range(n):
         x, y, z = _gather(code[i] >> 2), _gather(code[i] >> 1), _gather(code[i])
-        cell = (x * ny + y) * nz + z
-        flat[i] = cell
+        flat[i] = (x * ny + y) * nz + z
         centre_m[i, 0] = origin_m[0] + (x + 0.5) * resolution_m
         centre_m[i, 1] = origin_m[1] + (y + 0.5) * resolution_m
         centre_m[i, 2] = origin_m[2] + (z + 0.5) * resolution_m
+    n_blocks = (n + BLOCK - 1) // BLOCK
+    block_m, group_m = np.empty((n_blocks, 4)), np.empty(((n_blocks + GROUP - 1) // GROUP, 4))
     _bound_runs(centre_m, BLOCK, block_m)
     _bound_runs(centre_m, BLOCK * GROUP, group_m)
+    return flat, centre_m, block_m, group_m
 
 
 @leaf

@@ -16,7 +16,7 @@ from services.planner.kernels.body_cells import ROOT3, cell_touches_body
 from services.planner.kernels.moves import segment_steps
 from services.planner.kernels.prefetch import AHEAD, fetch_row, prefetch
 
-__all__ = ["PAGE", "change_counts", "count_rows", "difference", "edge_extra_cells", "exposed_cells", "node_cells", "pose_cells"]
+__all__ = ["PAGE", "count_rows", "edge_extra_cells", "exposed_cells", "node_cells", "pose_cells", "take_cells"]
 
 PAGE = 1 << 16  # owners of a page of rows: as many as 16 bits tell apart
 
@@ -164,8 +164,40 @@ def count_rows(items, row_count):  # type: ignore[no-untyped-def]
         row_count[items[i]] += 1
 
 
+@kernel
+def take_cells(before, counted_before, cells, never, shape, occupied, node_rows, edge_rows):  # type: ignore[no-untyped-def]
+    """Take in that ``cells`` (C,) are occupied now, ``before`` (B,) were before; all ascending. Cost follows the difference.
+
+    Args:
+        counted_before: what was counted of ``before``.
+        never, shape, occupied: as for :func:`exposed_cells`; ``occupied`` of length 0: enclosed cells are counted, too.
+        node_rows, edge_rows: offsets (pages, n_cells + 1) and owners of the table's rows, and the owners' counts, which are changed.
+
+    Returns:
+        (appeared, gone, counted of ``cells``, what appeared among the counted, what is gone of them), int32 ascending.
+    """
+    appeared, gone = _difference(before, cells)
+    counted = np.empty(len(cells), dtype=np.int32)
+    if len(occupied) == 0:
+        counted[:] = cells
+    else:
+        counted = counted[: exposed_cells(cells, appeared, gone, never, shape, occupied, counted)]
+    more, less = _difference(counted_before, counted)
+    for offset, owner, count in (node_rows, edge_rows):
+        _add_to_counts(more, 1, offset, owner, count)
+        _add_to_counts(less, -1, offset, owner, count)
+    return appeared, gone, counted, more, less
+
+
+@kernel
+def _difference(before, after):  # type: ignore[no-untyped-def]
+    appeared, gone = np.empty(len(after), dtype=np.int32), np.empty(len(before), dtype=np.int32)
+    n_appeared, n_gone = _split(before, after, appeared, gone)
+    return appeared[:n_appeared], gone[:n_gone]
+
+
 @leaf
-def difference(before, after, appeared, gone):  # type: ignore[no-untyped-def]
+def _split(before, after, appeared, gone):  # type: ignore[no-untyped-def]
     """What ``after`` has and ``before`` has not into ``appeared``, and the reverse into ``gone``, all ascending; how many of each."""
     i, k, n_appeared, n_gone = 0, 0, 0, 0
     while i < len(before) or k < len(after):
@@ -220,18 +252,6 @@ def _row_in_rim(cell, shape, side_z, side_yz):  # type: ignore[no-untyped-def]
     """Where the row of cells along z ends that ``cell`` is in, and how much larger its indices are in the grid that has a rim."""
     row = cell // shape[2]
     return (row + 1) * shape[2], (row // shape[1] + 1) * side_yz + (row % shape[1] + 1) * side_z + 1 - row * shape[2]
-
-
-@leaf
-def change_counts(appeared, gone, node_offset, node_owner, node, edge_offset, edge_owner, edge):  # type: ignore[no-untyped-def]
-    """Take in that cells appeared and that others are gone: ``node`` (N,), ``edge`` (M,); cost follows these cells.
-
-    ``node_offset`` and ``edge_offset`` (pages, n_cells + 1).
-    """
-    _add_to_counts(appeared, 1, node_offset, node_owner, node)
-    _add_to_counts(appeared, 1, edge_offset, edge_owner, edge)
-    _add_to_counts(gone, -1, node_offset, node_owner, node)
-    _add_to_counts(gone, -1, edge_offset, edge_owner, edge)
 
 
 @leaf

