@@ -141,6 +141,14 @@ def test_what_is_near_follows_differences_and_equals_a_recount(small, owners_of_
     assert np.array_equal(counts.near.node, node) and np.array_equal(counts.near.edge, edge)
 
 
+def test_the_last_owners_may_be_near_nothing(small):
+    """No row names them, so the sets end before them."""
+    counts = BlockedCounts(_table(small), 8 + 70, 5 + 200)
+    counts.set_cells(np.arange(0, GRID.n_cells, 7, dtype=np.int32))
+    for bands, named in ((counts.near.node, 8), (counts.near.edge, 5)):
+        assert np.all(bands[named:] == small.layers.n_bands) and np.any(bands[:named] < small.layers.n_bands)
+
+
 @settings(max_examples=40, deadline=None)
 @given(CELLS, CELLS)
 def test_more_cells_never_raise_a_band(small, some, more):
