@@ -28,7 +28,7 @@ N_ANGLES = 360  # one degree a cell: what is lost within it is a millimetre or t
 NO_TABLE = -1
 # Where the spheres' bound lies between these, the meshes are asked: above it is enough for any margin, below the bodies touch. Our choice.
 UNSURE_M = (-0.025, 0.01)
-# A distance beyond this is not looked for more closely: coal leaves out what is farther, which halves the work on an UR5. Our choice.
+# A distance beyond this is not looked for more closely: coal leaves out what is farther, a quarter of a UR5's geometry. Our choice.
 AMPLE_M = 0.02
 
 
